@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mitsuba_ref.comparison.compare import Comparison
+from mitsuba_ref.ladder.evidence import Evidence
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.our_renderer.picture import OurPicture
 from mitsuba_ref.records.options import Options
@@ -24,7 +24,7 @@ def describe_scene(
     proof: Proof,
     ours: OurPicture,
     reference: Reference,
-    comparison: Comparison,
+    found: Evidence,
 ) -> SceneResult:
     """Fill in the request, what ran on each side, the times, and the results.
 
@@ -36,12 +36,12 @@ def describe_scene(
         The settings of the comparison.
     ours, reference
         What each renderer did; of Mitsuba's pictures the one that is shown.
-    comparison
-        The numbers and the verdict.
+    found
+        The evidence.
     """
     # A picture of another shape gets its verdict all the same.
     height, width = (*ours.pixels.shape, 0, 0)[:2]
-    return replace(
+    result = replace(
         blank,
         integrator=ours.integrator,
         reference_integrator=reference.integrator,
@@ -52,12 +52,6 @@ def describe_scene(
         height=height,
         spp=ours.spp,
         seed=request.seed,
-        verdict=comparison.verdict,
-        reasons=comparison.reasons,
-        notes=comparison.notes,
-        finite=comparison.finite,
-        metrics=comparison.metrics,
-        aovs=comparison.aovs,
         seconds=Seconds(
             ours=ours.seconds,
             ours_compile=ours.compile_seconds,
@@ -66,8 +60,9 @@ def describe_scene(
             ours_threads=ours.threads or request.threads,
         ),
         commands=_commands(blank.path, request, options, reference),
-        settings=blank.settings | _settings(proof, request, reference, comparison),
+        settings=blank.settings | _settings(proof, request, reference, found),
     )
+    return found.recorded(result)
 
 
 def _note(reference: Reference) -> str:
@@ -103,19 +98,19 @@ def _definitions(parameters: Mapping[str, str]) -> list[str]:
     return [word for item in parameters.items() for word in ("-D", "=".join(item))]
 
 
-def _filter(request: RenderRequest, comparison: Comparison) -> str:
+def _filter(request: RenderRequest, found: Evidence) -> str:
     if not request.box_filter:
         return "as in the scene file"
     own = "; the file's own for RMSE with filter"
-    return "box on both sides" + (own if "rmse_with_filter" in comparison.metrics else "")
+    return "box on both sides" + (own if "rmse_with_filter" in found.metrics else "")
 
 
 def _settings(
-    proof: Proof, request: RenderRequest, reference: Reference, comparison: Comparison
+    proof: Proof, request: RenderRequest, reference: Reference, found: Evidence
 ) -> dict[str, str]:
     cached = "; rendered in an earlier run, from the cache" if reference.from_cache else ""
     return distances.SETTINGS | {
-        "filter": _filter(request, comparison),
+        "filter": _filter(request, found),
         "tolerance_reason": proof.reason,
         "ray_offset": "Mitsuba's rule on both sides",
         "reference_spp": str(reference.spp),

@@ -25,7 +25,7 @@ from mitsuba_ref.replay.paths.path_comparison import (
     first_difference,
     largest_error,
 )
-from mitsuba_ref.replay.paths.path_from_reference_rays import Finding, unexplained
+from mitsuba_ref.replay.paths.path_from_reference_rays import Finding, cause_of
 from mitsuba_ref.replay.paths.path_table import print_paths
 from mitsuba_ref.replay.paths.traced_pair import NotTraceable, TracedPair
 from renderer.errors import NotReplayable, SceneError
@@ -86,16 +86,14 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     """Trace and print; return 0 if the paths agree, else 1."""
     pixel, sample = given.trace, given.sample or 0
     tolerance = given.tolerance or TOLERANCE
-    ours, reference = paths = pair.trace(pixel, sample)
+    ours, reference = pair.trace(pixel, sample)
     quantities = compare_paths(ours, reference)
-    why = ""
+    found = pair.led(pixel, sample, reference).examine()
     if given.tolerance is None:
         # what a verdict calls a defect is one here, though paths may differ by more
-        found = pair.led(pixel, sample, reference).examine()
-        if (lower := _tolerance_of(found, quantities)) is not None:
-            tolerance, why = lower, unexplained(found)
+        tolerance = _tolerance_of(found, quantities) or tolerance
     first = first_difference(quantities, tolerance)
-    why = why or pair.rounding(pixel, sample, paths, quantities, tolerance)
+    why = "" if first is None else cause_of(found, quantities[first])
     notes = []
     if first is not None and sample > 0 and quantities[first].bounce == CAMERA:
         notes = [

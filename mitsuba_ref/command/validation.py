@@ -16,19 +16,11 @@ from mitsuba_ref.command.verdict_of_error import (
     stopped_by,
     with_the_other_side,
 )
-from mitsuba_ref.comparison.aovs import INDICES
-from mitsuba_ref.comparison.compare import (
-    Comparison,
-    compare,
-    with_known_fault,
-    with_listed_aov,
-    with_metric,
-    with_replays,
-    without_numbers,
-)
-from mitsuba_ref.comparison.noise_floor import compare_filtered
-from mitsuba_ref.comparison.preconditions import count_non_finite, find_obstacle
-from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed, with_rungs
+from mitsuba_ref.ladder.aovs import INDICES
+from mitsuba_ref.ladder.evidence import Evidence, compare, compare_listed_aov
+from mitsuba_ref.ladder.one_noisy_picture import compare_filtered
+from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed
+from mitsuba_ref.ladder.preconditions import count_non_finite, find_obstacle
 from mitsuba_ref.ladder.rungs_of_convergence import convergence_rungs
 from mitsuba_ref.our_renderer.picture import RenderOurs, cautions_about, read_scene
 from mitsuba_ref.records.options import Options, scene_name, scene_request, shown_path
@@ -141,14 +133,14 @@ def _validate(
 
     def compared(
         request: RenderRequest,
-    ) -> tuple[Comparison, list[Reference], Reference, bool]:
+    ) -> tuple[Evidence, list[Reference], Reference, bool]:
         pictures, deterministic = _reference_pictures(
             request, ours.files, proof.deterministic, references, progress
         )
         progress("Mitsuba, AOVs")
         aovs = references.get(first_hits, ours.files)
         progress("comparing")
-        comparison = compare(
+        found = compare(
             ours.pixels,
             [picture.pixels for picture in pictures],
             our_aovs.arrays,
@@ -160,50 +152,41 @@ def _validate(
         # bump maps, which are turned for the first hits alone.
         left_out = INDICES + (("sh_normal",) if TURNED in aovs.changes else ())
         for name, kind in ours.listed.items():
-            if comparison.verdict in COMPARED and kind not in left_out:
+            if found.verdict in COMPARED and kind not in left_out:
                 theirs = [picture.arrays.get(name) for picture in pictures]
-                comparison = with_listed_aov(comparison, name, ours.arrays[name], theirs)
-        return comparison, pictures, aovs, deterministic
+                metric = compare_listed_aov(ours.arrays[name], theirs, name)
+                found = found.with_metric(name, metric)
+        return found, pictures, aovs, deterministic
 
-    comparison, pictures, aovs, deterministic = compared(request)
-    if comparison.verdict == "fail" and has_biased_lamps(read_scene(request)):
+    found, pictures, aovs, deterministic = compared(request)
+    if found.verdict == "fail" and has_biased_lamps(read_scene(request)):
         request = replace(request, unsampled_lamps=True)
-        comparison, pictures, aovs, deterministic = compared(request)
+        found, pictures, aovs, deterministic = compared(request)
     boxed = BOX_INSTEAD in pictures[0].changes
-    if boxed and not deterministic and comparison.verdict in COMPARED:
+    if boxed and not deterministic and found.verdict in COMPARED:
         progress("with the scene's own filter")
-        comparison = _with_own_filter(comparison, request, render_ours, references)
+        found = _with_own_filter(found, request, render_ours, references)
     progress("replay")
-    wanted = options.checks != "statistics" and comparison.verdict in COMPARED
-    samples = options.replay if wanted else ()
-    replays, replayed, refusal = replay_all(
+    wanted = options.checks != "statistics" and found.verdict in COMPARED
+    replays, shown, refusal = replay_all(
         request,
-        samples,
+        options.replay if wanted else (),
         render_ours,
         references,
         proof.replay,
         options.causes,
         options.time_limit,
     )
-    comparison = with_replays(comparison, replays)
-    comparison = with_known_fault(comparison, wrong_by(pictures[0].changes))
-    blank = replace(
-        blank,
-        deterministic=deterministic,
-        replay=replays,
-        settings=_replay_settings(proof, refusal),
-    )
-    result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
-    if options.ladder and not deterministic and comparison.verdict in COMPARED:
+    found = replace(found, replays=replays, fault=wrong_by(pictures[0].changes))
+    ladder = None
+    if options.ladder and not deterministic and found.verdict in COMPARED:
         ladder = measure_ladder(request, pictures, render_ours, references, progress)
-        result = replace(result, ladder=ladder)
-    shown = {
+    shown |= {
         "ours": ours.pixels,
         "reference": pictures[0].pixels,
         "reference_other_seed": pictures[1].pixels,
-        **replayed,
     }
-    if options.seeds > 1 and comparison.verdict in COMPARED:
+    if options.seeds > 1 and found.verdict in COMPARED:
         further = convergence_rungs(
             scene_request(Path(request.path), proof, _small(options)),
             ours.files,
@@ -212,7 +195,8 @@ def _validate(
             progress,
             deterministic=deterministic,
         )
-        climbed = climb_scene(
+        found, arrays = climb_scene(
+            found,
             request,
             options.seeds,
             (ours, our_aovs),
@@ -223,8 +207,14 @@ def _validate(
             deterministic=deterministic,
             further=further if options.convergence else (),
         )
-        result = with_rungs(result, climbed)
-        shown |= climbed.pictures
+        shown |= arrays
+    blank = replace(
+        blank,
+        deterministic=deterministic,
+        ladder=ladder,
+        settings=_replay_settings(proof, refusal),
+    )
+    result = describe_scene(blank, request, options, proof, ours, pictures[0], found)
     return Validated(result, shown)
 
 
@@ -291,34 +281,27 @@ def _only_replays(
         raise NotReplayable(refusal)
     height, width = (*pictures["replay_ours"].shape, 0, 0)[:2]
     finite = count_non_finite([pictures["replay_ours"]], [pictures["replay_reference"]])
-    nothing = Comparison("pass", (), finite, {}, ())
-    comparison = with_replays(nothing, replays)
-    comparison = with_known_fault(comparison, wrong_by(replays[-1].changes))
+    found = Evidence(finite, replays=replays, fault=wrong_by(replays[-1].changes))
     result = replace(
         blank,
         width=width,
         height=height,
         spp=replays[-1].spp,
         seed=request.seed,
-        verdict=comparison.verdict,
-        reasons=comparison.reasons,
-        notes=comparison.notes,
-        finite=comparison.finite,
-        replay=replays,
         settings=_replay_settings(proof, ""),
         seconds=Seconds(
             ours=replays[-1].seconds_ours, reference=replays[-1].seconds_reference
         ),
     )
-    return Validated(result, pictures)
+    return Validated(found.recorded(result), pictures)
 
 
 def _with_own_filter(
-    comparison: Comparison,
+    found: Evidence,
     request: RenderRequest,
     render_ours: RenderOurs,
     references: ReferenceCache,
-) -> Comparison:
+) -> Evidence:
     """Compare with the scene's own filter: no other number depends on its weights."""
     own = replace(request, box_filter=False)
     ours = render_ours(own)
@@ -326,9 +309,8 @@ def _with_own_filter(
         references.get(replace(own, seed=reference_seed(index)), ours.files).pixels
         for index in range(FILTERED_SEEDS)
     ]
-    name = "rmse_with_filter"
     obstacle = find_obstacle([ours.pixels], pictures)
     if obstacle:
-        comparison = without_numbers(comparison, obstacle, name)
-        return replace(comparison, finite=count_non_finite([ours.pixels], pictures))
-    return with_metric(comparison, name, compare_filtered(ours.pixels, pictures))
+        found = replace(found, finite=count_non_finite([ours.pixels], pictures))
+    metric = obstacle or compare_filtered(ours.pixels, pictures)
+    return found.with_metric("rmse_with_filter", metric)

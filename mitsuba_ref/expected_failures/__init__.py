@@ -1,4 +1,4 @@
-"""What is known to disagree, as a list that runs: `check_register()`.
+"""What is known to disagree, as a list that runs: `check` of each entry of `REGISTER`.
 
 A method that fails where the textbook says it does is evidence too. If it starts to agree,
 then the check has gone blind or the method was changed, and someone has to look.
@@ -12,7 +12,6 @@ from mitsuba_ref.expected_failures.register import (
     ExpectedFailure,
     Outcome,
     check,
-    check_register,
 )
 
-__all__ = ["REGISTER", "ExpectedFailure", "Outcome", "check", "check_register"]
+__all__ = ["REGISTER", "ExpectedFailure", "Outcome", "check"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -51,14 +51,6 @@ def check(entry: ExpectedFailure) -> Outcome:
     elif _within(measured, entry.band):
         verdict = "still disagrees"
     return Outcome(entry, measured, verdict)
-
-
-def check_register(
-    entries: Iterable[ExpectedFailure] | None = None, *, slow: bool = True
-) -> list[Outcome]:
-    """Measure all entries, or those given; without the slow ones if `slow` is false."""
-    chosen = REGISTER if entries is None else entries
-    return [check(entry) for entry in chosen if slow or not entry.slow]
 
 
 def _within(value: float, band: Band) -> bool:

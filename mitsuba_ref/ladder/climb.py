@@ -5,7 +5,7 @@ the rung that fails first says why. So the ladder stops at the first broken one.
 under noise take K >= 8 pictures with independent seeds from each renderer.
 
 What each rung assumes, sees and cannot see is in docs/statistics.md, with its false alarm
-rate as measured by `mitsuba_ref.false_alarms`.
+rate as measured by `false_alarms`.
 """
 
 from __future__ import annotations

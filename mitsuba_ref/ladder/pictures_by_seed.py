@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.preconditions import (
+from mitsuba_ref.ladder import rungs_without_noise
+from mitsuba_ref.ladder.climb import climb
+from mitsuba_ref.ladder.evidence import Evidence
+from mitsuba_ref.ladder.evidence_maps import evidence
+from mitsuba_ref.ladder.preconditions import (
     Incomparable,
     NotComparable,
     count_non_finite,
     find_obstacle,
 )
-from mitsuba_ref.ladder import rungs_without_noise
-from mitsuba_ref.ladder.climb import climb
-from mitsuba_ref.ladder.evidence_maps import evidence
 from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
 from mitsuba_ref.records.request import RenderRequest
-from mitsuba_ref.records.results import Finite, Rung, SceneResult
-from mitsuba_ref.records.verdicts import Verdict, most_severe
+from mitsuba_ref.records.results import Rung
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.statistics.samples import stack
@@ -47,18 +47,8 @@ def reference_seed(index: int) -> int:
     return FIRST_REFERENCE_SEED + SEED_STEP * index
 
 
-@dataclass(frozen=True, eq=False)
-class Climbed:
-    """The rungs, what follows from them, and the arrays that show what they saw."""
-
-    rungs: tuple[Rung, ...]
-    verdict: Verdict  # of the ladder alone
-    reasons: tuple[str, ...] = ()
-    finite: Finite = field(default_factory=Finite)
-    pictures: dict[str, Array] = field(default_factory=dict)
-
-
 def climb_scene(
+    found: Evidence,
     request: RenderRequest,
     seeds: int,
     ours: tuple[OurPicture, OurPicture],
@@ -69,11 +59,13 @@ def climb_scene(
     *,
     deterministic: bool = False,
     further: Sequence[Callable[[], Rung]] = (),
-) -> Climbed:
+) -> tuple[Evidence, dict[str, Array]]:
     """Render what is missing of `seeds` pictures a side and climb the ladder.
 
     Parameters
     ----------
+    found
+        What is known of the scene.
     request
         Of our first picture.
     seeds
@@ -90,6 +82,10 @@ def climb_scene(
         The scene has no noise.
     further
         What makes the rungs above those of `climb`.
+
+    Returns
+    -------
+    The evidence with the rungs, and the arrays that show what they saw.
 
     Raises
     ------
@@ -115,14 +111,26 @@ def climb_scene(
     aovs = ours[1].arrays, theirs[1].arrays
     obstacle = find_obstacle(a, b, *aovs)
     if obstacle:
-        return _without_tests(a, b, obstacle)
+        finite = count_non_finite(a, b) if found.finite.passed else found.finite
+        lowest = rungs_without_noise.finite(a, b)
+        return _ended(replace(found, finite=finite), [], lowest, obstacle), {}
     shown = {} if deterministic else evidence(stack(a), stack(b))
     rungs: list[Rung] = []
     try:
         climb(a, b, *aovs, deterministic, further=further, tell=rungs.append)
     except NotComparable as hindered:
-        return _cut_short(rungs, hindered.obstacle, shown)
-    return judged(rungs, shown)
+        last = replace(rungs[-1], name="convergence")
+        return _ended(found, rungs, last, hindered.obstacle), shown
+    return replace(found, rungs=tuple(rungs)), shown
+
+
+def _ended(
+    found: Evidence, rungs: Sequence[Rung], last: Rung, obstacle: Incomparable
+) -> Evidence:
+    """Return the evidence with a climb that an obstacle ended at its last rung."""
+    last = replace(last, passed=False, sentence=f"{obstacle.what}.")
+    obstacle = replace(obstacle, rung=last.name)
+    return replace(found, rungs=(*rungs, last), obstacles=(*found.obstacles, obstacle))
 
 
 def seeded_pictures(
@@ -149,48 +157,3 @@ def seeded_pictures(
         seeded = replace(request, seed=reference_seed(index))
         b.append(references.get(seeded, ours.files).pixels)
     return a, b
-
-
-def judged(rungs: Sequence[Rung], pictures: Mapping[str, Array] | None = None) -> Climbed:
-    """Return what a ladder means for its scene: a broken rung is a failure."""
-    broken = [f"rung {rung.name}: {rung.sentence}" for rung in rungs if not rung.passed]
-    verdict: Verdict = "fail" if broken else "pass"
-    return Climbed(tuple(rungs), verdict, tuple(broken), pictures=dict(pictures or {}))
-
-
-def _without_tests(
-    ours: Sequence[Array], theirs: Sequence[Array], obstacle: Incomparable
-) -> Climbed:
-    lowest = rungs_without_noise.finite(ours, theirs)
-    return Climbed(
-        (replace(lowest, passed=False, sentence=f"{obstacle.what}."),),
-        obstacle.verdict,
-        (f"rung {lowest.name}: {obstacle.sentence}",),
-        count_non_finite(ours, theirs),
-    )
-
-
-def _cut_short(
-    rungs: Sequence[Rung], obstacle: Incomparable, pictures: Mapping[str, Array]
-) -> Climbed:
-    """Return the rungs climbed so far, and a broken one for what ended the climb."""
-    last = replace(
-        rungs[-1], name="convergence", passed=False, sentence=f"{obstacle.what}."
-    )
-    return Climbed(
-        (*rungs, last),
-        obstacle.verdict,
-        (f"rung {last.name}: {obstacle.sentence}",),
-        pictures=dict(pictures),
-    )
-
-
-def with_rungs(result: SceneResult, climbed: Climbed) -> SceneResult:
-    """Return the result with its ladder, which counts for the verdict."""
-    return replace(
-        result,
-        rungs=climbed.rungs,
-        verdict=most_severe((result.verdict, climbed.verdict)),
-        reasons=(*result.reasons, *climbed.reasons),
-        finite=result.finite if climbed.finite.passed else climbed.finite,
-    )

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.preconditions import NotComparable, find_obstacle
 from mitsuba_ref.ladder import rungs_with_noise, rungs_without_noise
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
+from mitsuba_ref.ladder.preconditions import NotComparable, find_obstacle
 from mitsuba_ref.our_renderer.picture import RenderOurs
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import Rung

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.aovs import compare_aovs
-from mitsuba_ref.comparison.preconditions import count_non_finite
-from mitsuba_ref.comparison.without_noise import (
+from mitsuba_ref.ladder.aovs import compare_aovs
+from mitsuba_ref.ladder.preconditions import count_non_finite
+from mitsuba_ref.ladder.without_noise import (
     DETERMINISTIC_TOLERANCE,
     judge_without_noise,
 )
@@ -49,9 +49,6 @@ def finite(
         passed=len(shapes) == 1 and not any(bad),
         statistic=float(sum(bad)),
         limit=0.0,
-        p_value=None,
-        false_alarm_rate=None,
-        detectable_bias=None,
         detectable="a single value that is no number",
         sentence=sentence,
     )
@@ -78,8 +75,6 @@ def aovs(ours: Aovs, theirs: Aovs) -> Rung:
         passed=not broken,
         statistic=max(ratios, default=None),
         limit=1.0,
-        p_value=None,
-        false_alarm_rate=None,
         detectable_bias=1e-4,
         detectable="relative error of depth in one pixel of a thousand",
         sentence=sentence,
@@ -106,8 +101,6 @@ def radiance(ours: Array, theirs: Sequence[Array], their_aovs: Aovs | None) -> R
         passed=not broken,
         statistic=None if value is None else value / scale,
         limit=None if limit is None else limit / scale,
-        p_value=None,
-        false_alarm_rate=None,
         detectable_bias=DETERMINISTIC_TOLERANCE,
         detectable="relative bias of the whole picture",
         sentence=sentence,
@@ -119,11 +112,5 @@ def no_convergence() -> Rung:
     return Rung(
         name="convergence",
         passed=True,
-        statistic=None,
-        limit=None,
-        p_value=None,
-        false_alarm_rate=None,
-        detectable_bias=None,
-        detectable="",
         sentence="Not asked: the scene has no noise that could fall.",
     )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.metrics.tone_map import DESCRIPTION as TONE_MAP
 from mitsuba_ref.metrics.tone_map import tone_map
+from mitsuba_ref.records.results import Metric
 
 Image = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -154,3 +155,32 @@ def _squares(a: Image, b: Image, mask: Mask | None) -> NDArray[np.float64]:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")
     squares = (a - b) ** 2
     return squares if mask is None else squares[mask]
+
+
+def reported(ours: Image, reference: Image, other: Image) -> dict[str, Metric]:
+    """Return the metrics that are shown and judge nothing.
+
+    Each with its noise floor: the same between two references with different seeds.
+    """
+    functions = {
+        "relative_mse": (
+            relative_mse,
+            "mean squared error relative to the squared value",
+        ),
+        "ssim": (ssim, "structural similarity of the tone-mapped picture; 1 is equal"),
+        "flip": (flip, "difference that an eye sees when flipping; 0 is equal"),
+    }
+    found = {
+        name: Metric(
+            distance(ours, reference), distance(other, reference), None, None, what
+        )
+        for name, (distance, what) in functions.items()
+    }
+    colours = zip(ciede2000(ours, reference), ciede2000(other, reference), strict=True)
+    names = {
+        "ciede2000": "mean colour difference; 1 is just visible",
+        "ciede2000_p99": "99th percentile of the colour difference",
+    }
+    for (name, what), (value, floor) in zip(names.items(), colours, strict=True):
+        found[name] = Metric(value, floor, None, None, what)
+    return found

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mitsuba_ref.mutations.climbing import ladder
@@ -21,7 +20,6 @@ from mitsuba_ref.mutations.rungs import (
     comparison,
     replay,
 )
-from mitsuba_ref.records.json_files import from_json, write_json
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.render import Reference
@@ -63,14 +61,18 @@ class Row:
     @property
     def compiles(self) -> bool:
         """Whether there was a mutant to render: Numba may refuse what was edited."""
-        refused = "Failed in nopython mode pipeline"  # Numba's words
-        return not any(r.name == RUNS and refused in r.why for r in self.rungs)
+        return not any(r.name == RUNS and refused_by_numba(r.why) for r in self.rungs)
 
     @property
     def as_expected(self) -> bool:
         """Harmful and seen, or neutral and not seen, by rungs that mean something."""
         seen = self.caught_by is not None
         return seen == self.harmful and not self.broken and self.compiles
+
+
+def refused_by_numba(message: str) -> bool:
+    """Return whether an error says that a kernel does not compile."""
+    return "Failed in nopython mode pipeline" in message  # Numba's words
 
 
 class SharedReferences(ReferenceCache):
@@ -151,78 +153,3 @@ def _unit_tests(mutant: Mutant) -> list[Rung]:
     except MutantError as error:
         return [Rung(TESTS, True, str(error), None, mutant.time_limit)]
     return [Rung(TESTS, bool(run.failed), "; ".join(run.failed), None, run.seconds)]
-
-
-def try_all(
-    mutations: Sequence[Mutation],
-    references: ReferenceCache,
-    tell: Callable[[Row], None] = lambda row: None,
-    jobs: int = 1,
-    known: Iterable[Row] = (),
-) -> list[Row]:
-    """Return the matrix's rows: the unchanged renderer on each scene, then the mutations.
-
-    Parameters
-    ----------
-    mutations
-        Of the catalogue.
-    references
-        Mitsuba's pictures.
-    tell
-        Gets each row as soon as it is there.
-    jobs
-        Mutants at a time; each compiles on one core.
-    known
-        Rows of the same sources: their scenes need no control.
-    """
-    shared = SharedReferences(references)
-    broken = {r.scene: _caught(r) for r in known if r.mutation == UNCHANGED}
-    one_at_a_time = threading.Lock()
-
-    def one(mutation: Mutation) -> Row:
-        row = try_mutation(mutation, shared, broken.get(mutation.scene, ()))
-        with one_at_a_time:
-            tell(row)
-        return row
-
-    rows: list[Row] = []
-    with ThreadPoolExecutor(jobs) as pool:
-        scenes = dict.fromkeys(m.scene for m in mutations if m.scene not in broken)
-        rows += pool.map(one, map(control, scenes))
-        broken |= {row.scene: _caught(row) for row in rows}
-        rows += pool.map(one, mutations)
-    return rows
-
-
-def _caught(row: Row) -> set[str]:
-    return {rung.name for rung in row.rungs if rung.caught}
-
-
-def write_matrix(
-    rows: Iterable[Row], circumstances: Mapping[str, object], path: Path
-) -> None:
-    """Write matrix.json: the circumstances, then a row for each mutation."""
-    written = [
-        asdict(row)
-        | {"caught_by": row.caught_by, "blind": row.blind, "as_expected": row.as_expected}
-        for row in rows
-    ]
-    write_json({"schema": 1, **circumstances, "rows": written}, path)
-
-
-@dataclass(frozen=True)
-class _Matrix:
-    rows: tuple[Row, ...]
-    commit: str
-
-
-def read_matrix_rows(path: Path) -> tuple[Row, ...]:
-    """Return the rows of a matrix.json, each with the commit that it is of.
-
-    Raises
-    ------
-    OSError, RecordError
-        If there is no such file, or if it is no matrix.
-    """
-    matrix = from_json(path.read_bytes(), _Matrix)
-    return tuple(replace(row, commit=row.commit or matrix.commit) for row in matrix.rows)

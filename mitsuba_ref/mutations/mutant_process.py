@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,10 @@ import numpy as np
 
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.json_process import Answerer, answer_requests
+
+PROCESSOR_LIMIT = 200
+"""Seconds of processor time for one picture: a defect may make a loop endless. Compiling
+takes up to 60, and on a busy machine a time limit by the clock would end sound mutants."""
 
 
 def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
@@ -18,6 +24,8 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         import renderer
         from mitsuba_ref.our_renderer.picture import render_ours
 
+        most = int(time.process_time()) + PROCESSOR_LIMIT
+        resource.setrlimit(resource.RLIMIT_CPU, (most, resource.RLIM_INFINITY))
         if Path(renderer.__file__).resolve().parents[1] != Path.cwd().resolve():
             raise ImportError(f"{renderer.__file__} is not the mutant of {Path.cwd()}")
         # defects of the renderer as it is used: with its own choice of lights

@@ -81,7 +81,7 @@ def mutant_folder(mutation: Mutation, root: Path | None = None) -> Path:
     """
     root = root or cache_folder("mutants")
     texts = mutated_files(mutation)
-    folder = root / f"{mutation.name}-{_hash(texts)}"
+    folder = root / _name(mutation, texts)
     if folder.is_dir():
         return folder
     root.mkdir(parents=True, exist_ok=True)
@@ -102,12 +102,22 @@ def mutant_folder(mutation: Mutation, root: Path | None = None) -> Path:
     return folder
 
 
+def mutant_name(mutation: Mutation) -> str:
+    """Return the name of a mutant's folder, which tells its sources from any others."""
+    return _name(mutation, mutated_files(mutation))
+
+
+def _name(mutation: Mutation, texts: dict[str, str]) -> str:
+    return f"{mutation.name}-{sources_hash(texts)}"
+
+
 def _delete(folders: Iterable[Path]) -> None:
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _hash(texts: dict[str, str]) -> str:
+def sources_hash(texts: dict[str, str]) -> str:
+    """Return a hash of the renderer with the text of some of its files replaced."""
     digest = hashlib.sha256()
     for source in sorted(PACKAGE.rglob("*.py")):
         name = source.relative_to(PACKAGE).as_posix()

@@ -64,20 +64,6 @@ class StepByStep:
             self._trace(tile, before)
         return self._trace(tile, sample)
 
-    def trace_moved(
-        self, pixel: tuple[int, int], sample: int, moves: Sequence[Moved]
-    ) -> Iterator[TracedPath]:
-        """Yield the sample's path once for each move, with one ray moved by it.
-
-        A replay's stream of numbers goes on from sample to sample; it is put back to where
-        this one begins, since a moved path may draw more or fewer than the one before.
-        """
-        self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
-        here = NumbersDrawn(self._job)
-        for move in moves:
-            here.rewind(0)
-            yield self._trace(self._tile(pixel), sample, move)
-
     def trace_led(
         self,
         pixel: tuple[int, int],
@@ -99,6 +85,11 @@ class StepByStep:
             The other path.
         moves
             Of one ray after it was led, the path ending with it; None: of no ray.
+
+        Notes
+        -----
+        A replay's stream of numbers goes on from sample to sample; it is put back to where
+        this one begins, since a moved path may draw more or fewer than the one before.
         """
         self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
         here = NumbersDrawn(self._job)
@@ -150,12 +141,9 @@ class StepByStep:
         settings = self._record.settings
         work.radiance[:] = 0.0
         count = stages.camera_ray_step(scene, tile, sample, packed)
-        if along is None:
-            self._move(moved, 0)
         origin, direction = _column(work.rays.origin), _column(work.rays.direction)
-        if along is not None:
-            self._lead(along, 0)
-            self._move(moved, 0)
+        self._lead(along, 0)
+        self._move(moved, 0)
         last = NO_LIMIT
         if along is not None:  # a moved ray tells what becomes of it in one step alone
             last = len(along.bounces) if moved is None else moved.segment + 1

@@ -131,13 +131,13 @@ class Rung:
 
     name: str
     passed: bool
-    statistic: float | None
-    limit: float | None  # of the statistic; null: infinite
-    p_value: float | None  # null: no noise is involved
-    false_alarm_rate: float | None  # claimed: of an alarm although all is right
-    detectable_bias: float | None  # seen with 99 % probability; null: not known
-    detectable: str  # what that number measures
-    sentence: str  # readable without knowledge of statistics
+    statistic: float | None = None
+    limit: float | None = None  # of the statistic; null: infinite
+    p_value: float | None = None  # null: no noise is involved
+    false_alarm_rate: float | None = None  # claimed: of an alarm although all is right
+    detectable_bias: float | None = None  # seen with 99 % probability; null: not known
+    detectable: str = ""  # what that number measures
+    sentence: str = ""  # readable without knowledge of statistics
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.preconditions import find_obstacle
+from mitsuba_ref.ladder.preconditions import find_obstacle
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.records.results import DivergentPixel, ReplayResult
 

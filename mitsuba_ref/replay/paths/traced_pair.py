@@ -19,13 +19,11 @@ from mitsuba_ref.reference.variant_process import VariantProcess
 from mitsuba_ref.replay.paths.coincident_surface import ShapesAlone
 from mitsuba_ref.replay.paths.path_comparison import (
     TOLERANCE,
-    Quantity,
     compare_paths,
     difference_sentence,
     first_difference,
 )
-from mitsuba_ref.replay.paths.path_from_reference_rays import LedPath
-from mitsuba_ref.replay.paths.within_rounding import rounding_sentence, smallest_move
+from mitsuba_ref.replay.paths.path_from_reference_rays import LedPath, cause_of
 from renderer.errors import SceneError
 from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
@@ -187,42 +185,6 @@ class TracedPair:
             )
         return self._mitsuba
 
-    def rounding(
-        self,
-        pixel: Pixel,
-        sample: int,
-        paths: tuple[TracedPath, TracedPath],
-        quantities: Sequence[Quantity],
-        tolerance: float = TOLERANCE,
-    ) -> str:
-        """Return a sentence on whether rounding explains where two paths part.
-
-        Empty if they agree, and where rounding has no part in it: other random numbers, a
-        camera ray, and no bounce.
-
-        Parameters
-        ----------
-        pixel, sample
-            Of the paths; see `trace`.
-        paths, quantities
-            What `trace` and then `compare_paths` returned.
-        tolerance
-            Relative error above which a quantity differs.
-        """
-        first = first_difference(quantities, tolerance)
-        if first is None:
-            return ""
-        quantity = quantities[first]
-        if quantity.kind == "random numbers" or quantity.bounce < 0:
-            return ""
-        ours, reference = paths
-
-        def moved(moves: Sequence[Moved]) -> Iterator[TracedPath]:
-            return self._our_steps().trace_moved(pixel, sample, moves)
-
-        move = smallest_move(ours, reference, first, quantity, moved)
-        return rounding_sentence(ours, reference, quantity, move)
-
     def led(self, pixel: Pixel, sample: int, reference: TracedPath) -> LedPath:
         """Return our path of a sample led along Mitsuba's; see `trace`."""
 
@@ -239,11 +201,14 @@ class TracedPair:
         Empty if all agree. Parameters and errors are those of `trace`.
         """
         for sample in range(self.spp):
-            ours, reference = paths = self.trace(pixel, sample)
+            ours, reference = self.trace(pixel, sample)
             quantities = compare_paths(ours, reference)
-            if first_difference(quantities, tolerance) is not None:
+            first = first_difference(quantities, tolerance)
+            if first is not None:
                 names = (ours.renderer, reference.renderer)
-                why = self.rounding(pixel, sample, paths, quantities, tolerance)
-                sentence = difference_sentence(quantities, names, tolerance, why)
+                found = self.led(pixel, sample, reference).examine()
+                sentence = difference_sentence(
+                    quantities, names, tolerance, cause_of(found, quantities[first])
+                )
                 return f"Sample {sample}. {sentence}"
         return ""

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from mitsuba_stand_in import write_scene
 
-from mitsuba_ref.comparison.aovs import TOLERANCES, compare_aovs
-from mitsuba_ref.comparison.compare import Comparison, compare
+from mitsuba_ref.ladder.aovs import TOLERANCES, compare_aovs
+from mitsuba_ref.ladder.evidence import Evidence, compare
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.render import render_reference
 
@@ -39,7 +39,7 @@ class Scene:
     def picture(self, seed: int) -> np.ndarray:
         return self.render("image", seed)["pixels"]
 
-    def compare(self, ours: np.ndarray, aovs: Any = None) -> Comparison:
+    def compare(self, ours: np.ndarray, aovs: Any = None) -> Evidence:
         return compare(
             ours,
             self.references,
@@ -64,7 +64,7 @@ def scene(request, noisy, still):
     return {"noisy": noisy, "still": still}[request.param]
 
 
-def failed(comparison: Comparison) -> set[str]:
+def failed(comparison: Evidence) -> set[str]:
     """Return the names of what failed; the verdict must agree."""
     names = {name for name, metric in comparison.metrics.items() if metric.passed is False}
     names |= {aov.name for aov in comparison.aovs if not aov.passed}

@@ -14,8 +14,8 @@ from canned_renderers import CHANNELS, HEIGHT, WIDTH, picture, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitsuba_ref.comparison.compare import compare
-from mitsuba_ref.comparison.preconditions import find_obstacle
+from mitsuba_ref.ladder.evidence import compare
+from mitsuba_ref.ladder.preconditions import find_obstacle
 from mitsuba_ref.records.verdicts import VERDICTS
 
 Damage = Callable[[np.ndarray], np.ndarray]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_ref.expected_failures import REGISTER, ExpectedFailure, check, check_register
+from mitsuba_ref.expected_failures import REGISTER, ExpectedFailure, check
 from mitsuba_ref.expected_failures.cost import stadium_tests_per_ray
 from mitsuba_ref.expected_failures.light import inside, terminator_pictures
 from mitsuba_ref.expected_failures.offsets import MITSUBA, TIGHT, smallest_gap
@@ -85,15 +85,9 @@ def test_what_is_an_alarm(value, verdict):
     entry = ExpectedFailure(
         "one", "a share", lambda: value, 0.5, (0.4, 0.6), (0.0, 0.1), "for this test"
     )
-    (outcome,) = check_register([entry])
+    outcome = check(entry)
     assert outcome.verdict == verdict
     assert outcome.alarm == verdict.startswith("ALARM")
-
-
-def test_slow_entries_can_be_left_out():
-    entry = ExpectedFailure("one", "", lambda: 1.0, 1.0, (1, 1), (0, 0), "", slow=True)
-    assert check_register([entry], slow=False) == []
-    assert len(check_register([entry])) == 1
 
 
 def test_the_terminator_s_error_is_in_its_band():

@@ -1,23 +1,27 @@
-"""The command that counts how often the ladder alarms when nothing is wrong."""
+"""How often the ladder alarms when nothing is wrong: what is counted, with which seeds."""
 
 from __future__ import annotations
 
 import itertools
-import json
 
 import numpy as np
 import pytest
 from mitsuba_stand_in import NOISY
 
-from mitsuba_ref.false_alarms.__main__ import main
-from mitsuba_ref.false_alarms.alarm_counts import WHOLE
-from mitsuba_ref.false_alarms.measure import EITHER, convergence_rung
+from mitsuba_ref.false_alarms.alarm_counts import WHOLE, exceeds
+from mitsuba_ref.false_alarms.measure import (
+    EITHER,
+    convergence_rung,
+    measure,
+    measure_convergence_alarms,
+)
 from mitsuba_ref.ladder.pictures_by_seed import reference_seed
+from mitsuba_ref.records.request import FEWEST_SEEDS
 from mitsuba_ref.statistics.convergence import MOST_PICTURES
 from renderer.replay.pixel_seeds import pixel_seeds
 
 
-def test_an_unchanged_scene_is_measured_with_itself(tmp_path, capsys):
+def test_an_unchanged_scene_is_measured_with_itself(tmp_path):
     """Two trials: seven rungs, and the convergence of each side.
 
     The file's sampler is `stratified`, with which the noise falls faster than it must for
@@ -28,27 +32,22 @@ def test_an_unchanged_scene_is_measured_with_itself(tmp_path, capsys):
     folder.mkdir()
     scene = folder / "scene.xml"
     scene.write_text(NOISY.replace('"independent"', '"stratified"'))
-    out = tmp_path / "data" / "false_alarms.json"
-    words = ["--scenes", str(tmp_path), "--scene", "ball", "--pairs", "2", "--size", "12"]
-    assert main([*words, "--spp", "4", "--convergence", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    record = json.loads(out.read_text())
-    assert record["pairs"] == 2
-    theirs, ours, noise = record["comparisons"]
-    assert theirs["comparison"] == "Mitsuba against Mitsuba"
-    assert ours["comparison"] == "ours against Mitsuba"
+    theirs, ours = measure(scene, 2, 12, 4, FEWEST_SEEDS)
+    noise = measure_convergence_alarms(scene, 2, 12)
+    assert theirs.comparison == "Mitsuba against Mitsuba"
+    assert ours.comparison == "ours against Mitsuba"
     claims = ((theirs, WHOLE, 7e-3), (ours, WHOLE, 7e-3), (noise, EITHER, 2e-3))
     for comparison, name, claimed in claims:
-        *rungs, whole = comparison["rungs"]
-        assert whole["name"] == name
-        assert whole["alarms"]["trials"] == 2
-        assert whole["claimed"] == pytest.approx(claimed)
-        assert all(rung["name"] in printed for rung in rungs)
-    sides = noise["rungs"][:2]
-    assert [rung["name"] for rung in sides] == ["convergence, ours", "convergence, Mitsuba"]
+        whole = comparison.rungs[-1]
+        assert whole.name == name
+        assert whole.alarms.trials == 2
+        assert whole.claimed == pytest.approx(claimed)
+        assert not exceeds(comparison)
+    sides = noise.rungs[:2]
+    assert [rung.name for rung in sides] == ["convergence, ours", "convergence, Mitsuba"]
     for rung in sides:
-        assert rung["alarms"]["count"] == 0
-        assert 0.0 < rung["detectable_bias"] < 0.1
+        assert rung.alarms.count == 0
+        assert 0.0 < rung.detectable_bias < 0.1
 
 
 def test_trials_of_convergence_have_seeds_of_their_own():

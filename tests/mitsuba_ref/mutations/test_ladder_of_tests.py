@@ -15,8 +15,8 @@ from mitsuba_ref.command.validation import validate_scene
 from mitsuba_ref.false_alarms.alarm_counts import WHOLE, FalseAlarms, count_alarms, exceeds
 from mitsuba_ref.false_alarms.binomial import rate
 from mitsuba_ref.ladder.climb import FALSE_ALARMS, climb
+from mitsuba_ref.ladder.evidence import Evidence
 from mitsuba_ref.ladder.evidence_maps import evidence
-from mitsuba_ref.ladder.pictures_by_seed import judged, with_rungs
 from mitsuba_ref.records.json_files import to_json
 from mitsuba_ref.records.options import Options
 from mitsuba_ref.records.results import Results, SceneResult
@@ -185,7 +185,8 @@ def test_rungs_travel_as_json():
     rng = np.random.default_rng(8)
     rungs = climbed(pictures(rng), pictures(rng), to_the_top=True)
     rungs[-1] = replace(rungs[-1], limit=np.inf, passed=False)
-    result = with_rungs(SceneResult(name="scene", verdict="pass"), judged(rungs))
+    blank = SceneResult(name="scene", verdict="pass")
+    result = Evidence(rungs=tuple(rungs)).recorded(blank)
     assert result.verdict == "fail"
     assert "rung floors" in result.reasons[0]
     results = Results(

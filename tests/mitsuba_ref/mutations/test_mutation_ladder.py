@@ -15,7 +15,6 @@ import pytest
 from canned_renderers import HEIGHT, WIDTH, picture, wall
 from test_mutation_matrix import in_make_test
 
-from mitsuba_ref.mutations.__main__ import listed, lowest_broken
 from mitsuba_ref.mutations.climbing import ladder
 from mitsuba_ref.mutations.matrix import CHECKS, Row
 from mitsuba_ref.mutations.rungs import (
@@ -192,13 +191,3 @@ def test_the_ladder_closes_no_hole_of_make_test():
     assert in_make_test(row(*CLIMBED)) == []
     assert in_make_test(row(REPLAY, *CLIMBED)) == [REPLAY]
     assert row(*CLIMBED).as_expected
-
-
-def test_the_lowest_broken_rung_is_shown_with_its_cost():
-    seen = row(REPLAY, "ladder: tiles", "ladder: mean")
-    assert seen.caught_by == REPLAY
-    assert lowest_broken(seen) == "tiles, 32 x 8 spp, 1.5 s"
-    assert lowest_broken(row(REPLAY)) == "-"
-    assert listed(["ladder: tiles", "replay", "ladder: mean"]) == (
-        "replay, ladder (tiles, mean)"
-    )

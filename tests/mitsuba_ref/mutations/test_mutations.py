@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import json
 import re
 from pathlib import Path
 
 import pytest
 from numba.core.errors import TypingError
 
-from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.ladder.aovs import compare_aovs
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, named
-from mitsuba_ref.mutations.matrix import Row, control, scene_file, write_matrix
+from mitsuba_ref.mutations.matrix import Row, control, scene_file
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import (
     PACKAGE,
@@ -403,15 +402,6 @@ def test_a_mutant_that_numba_refuses_shows_nothing():
     assert not refused.as_expected
     crashed = Row("m", "d", True, "none", (Rung(RUNS, True, "died", None, 0.0),), 0.0)
     assert crashed.as_expected
-
-
-def test_the_matrix_is_written_with_its_circumstances(tmp_path):
-    path = tmp_path / "out" / "matrix.json"
-    write_matrix([row(True, AOVS)], {"command": "made up"}, path)
-    content = json.loads(path.read_text())
-    assert content["command"] == "made up"
-    assert content["rows"][0]["caught_by"] == AOVS
-    assert content["rows"][0]["as_expected"] is True
 
 
 def test_scenes_of_the_mutations_come_before_those_of_the_demo():

@@ -17,7 +17,7 @@ import msgspec
 import pytest
 
 from mitsuba_ref.command.validation import validate_scene
-from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.ladder.aovs import compare_aovs
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import NO_PROOF, USUAL_LIMITS, ReplayLimits

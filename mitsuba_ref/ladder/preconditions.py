@@ -26,11 +26,13 @@ class Incomparable:
 
     verdict: Verdict
     what: str
+    rung: str = ""  # of the ladder, if the climb ended there
 
     @property
     def sentence(self) -> str:
         """What, where, and what can be done."""
-        return f"{self.what}; {VERDICTS[self.verdict].advice}"
+        where = f"rung {self.rung}: " if self.rung else ""
+        return f"{where}{self.what}; {VERDICTS[self.verdict].advice}"
 
 
 class NotComparable(Exception):

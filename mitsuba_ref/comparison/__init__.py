@@ -1,1 +1,0 @@
-"""Pictures compared: what is measured, and the limits that judge it."""
