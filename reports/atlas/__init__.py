@@ -1,7 +1,9 @@
 """The atlas of limits: which method fails under which stress, where, why, what instead.
 
 Texts and boundaries are data, one TOML file a chapter. `reports.studies.limits` measures
-them and `reports.pages.limits_page` draws them.
+them and `reports.pages.limits_page` draws them. A new case is a table in one of the files,
+and for each method an entry in `MEASURES` of a module of the study; `PICTURES` has what a
+failure looks like.
 """
 
 from __future__ import annotations

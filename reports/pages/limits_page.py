@@ -119,7 +119,7 @@ def _section(case: Case, table: Table) -> Section:
         chart = boundary_chart(
             curves,
             tolerance=case.tolerance,
-            x_label=case.stress,
+            x_label="",  # the page has the labels: they are too long for an axis
             y_label="",
             description=f"{case.measured} over {case.stress}. {says}.",
         )
