@@ -131,13 +131,13 @@ def percent(value: float | None) -> str:
     if not value:
         return "0"
     if abs(value) < 1e-6:  # less than the rounding of pictures
-        return "0.0001 %"
+        return "\N{ALMOST EQUAL TO} 0 %"
     return f"{100.0 * value:.0f} %" if abs(value) > 0.99 else f"{100.0 * value:.2g} %"
 
 
 def interval(row: Row) -> str:
     """Return the ends of a row's interval."""
-    if row.interval is None or row.interval == (0.0, 0.0):
+    low, high = row.interval or (0.0, 0.0)
+    if max(abs(low), abs(high)) < 1e-6:
         return ""
-    low, high = row.interval
     return f"{percent(low)} to {percent(high)}"

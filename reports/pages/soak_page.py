@@ -142,6 +142,7 @@ def _chart(table: Table) -> Markup | None:
     if newest is None:
         return None
     rows = table.curve(run=newest.run)
+    rows = rows[:: max(1, len(rows) // 60)]
     points = tuple(Point(row.at, _size(row)) for row in rows if row.at is not None)
     return line_chart(
         (Series("memory", points),),

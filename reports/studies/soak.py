@@ -120,7 +120,7 @@ ABOUT = {
     "Growth is p <= 0.001 and 1 MiB or more: memory without a trend gives a false alarm in "
     "at most 0.1 % of all processes.",
 }
-STUDY = Study(
+STUDY: Study = Study(
     title="Soaked: what is too rare for a test",
     sentence="Do rays leak, damaged files crash, interrupts leave half a file or memory "
     "grow, in hours of trying?",

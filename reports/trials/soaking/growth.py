@@ -119,7 +119,7 @@ def _judged(sizes: Sequence[int], pictures: int) -> Step:
         {"processes judged": 1},
         {"bytes a picture, second half": per_picture},
         (sentence,) if found.grows else (),
-        tuple(round(size / MIB, 2) for size in sizes[:: max(1, len(sizes) // 200)]),
+        tuple(round(size / MIB, 2) for size in sizes[:: max(1, len(sizes) // 60)]),
     )
 
 

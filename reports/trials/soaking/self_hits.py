@@ -146,59 +146,41 @@ class _Trial:
 @functools.cache
 def _inputs(shape: str, offset: float, size: float) -> KernelInputs:
     """Return what the kernels get of the shape; addresses hold as long as it lives."""
+    placed = renderer.translate([offset] * 3) @ renderer.scale(size)
     with tempfile.TemporaryDirectory() as folder:
-        shapes = _shape(shape, _placed(offset, size), Path(folder) / "mesh.obj")
+        shapes = _shapes(shape, placed, Path(folder) / "mesh.obj")
         scene = renderer.load_dict(
             {"type": "scene", "camera": {"type": "perspective"}, **shapes}
         )
     return KernelInputs(scene, make_plan(scene, integrator="path"), "bvh", 0, RenderMode())
 
 
-def _placed(offset: float, size: float) -> Floats:
-    matrix = np.diag([size, size, size, 1.0])
-    matrix[:3, 3] = offset
-    return matrix
-
-
-def _shape(name: str, placed: Floats, mesh: Path) -> dict[str, Any]:
+def _shapes(name: str, placed: Floats, mesh: Path) -> dict[str, Any]:
     """Return a shape of about unit size as `load_dict` takes it, placed.
 
     A mesh is written to the file that is given.
     """
+    given: dict[str, Any] = {"type": name}
+    shapes = {}
     if name == "instance":
-        x = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)  # turned by 30 degrees about it
-        cross = np.cross(np.eye(3), x)
-        turned = np.eye(4)
-        turned[:3, :3] += 0.5 * cross + (1.0 - np.sqrt(0.75)) * cross @ cross
-        group = {"type": "shapegroup", "id": "group", "cube": {"type": "cube"}}
-        reference = {"type": "ref", "id": "group"}
-        copy = {"type": "instance", "to_world": placed @ turned, "group": reference}
-        return {"group": group, "copy": copy}
-    if name == "sdfgrid":
-        # the level of a plane through the middle of the grid
-        z = (np.arange(16) + 0.5) / 16 - 0.5
-        grid = np.broadcast_to(z[:, None, None, None], (16, 16, 16, 1)).astype(np.float32)
-        middle = np.eye(4)
-        middle[:3, 3] = -0.5
-        return {"grid": {"type": name, "grid": grid, "to_world": placed @ middle}}
-    if name == "cylinder":
-        lying = np.array([[0, 0, 1, -0.5], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
-        return {"shape": {"type": "cylinder", "to_world": placed @ lying}}
-    if name.startswith("implicit"):
+        placed = placed @ renderer.rotate([1, 1, 0], 30)
+        given["group"] = {"type": "ref", "id": "group"}
+        shapes["group"] = {"type": "shapegroup", "id": "group", "cube": {"type": "cube"}}
+    elif name == "sdfgrid":  # the level of a plane through the middle of the grid
+        placed = placed @ renderer.translate([-0.5] * 3)
+        z = np.linspace(-0.5, 0.5, 33, dtype=np.float32)[1::2]
+        given["grid"] = np.broadcast_to(z[:, None, None, None], (16, 16, 16, 1))
+    elif name == "cylinder":  # along x
+        placed = placed @ renderer.translate([-0.5, 0, 0]) @ renderer.rotate([0, 1, 0], 90)
+    elif name.startswith("implicit"):
         ball = "ellipsoids" in name
-        return {
-            "shape": {
-                "type": "implicit",
-                "expression": "x*x + y*y + z*z - 1" if ball else "y*y + z*z - 0.25",
-                "bounds_min": [-1.1] * 3,
-                "bounds_max": [1.1] * 3,
-                "to_world": placed,
-            }
-        }
-    if name.startswith("triangle"):
+        given["type"] = "implicit"
+        given["expression"] = "x*x + y*y + z*z - 1" if ball else "y*y + z*z - 0.25"
+        given["bounds_min"], given["bounds_max"] = [-1.1] * 3, [1.1] * 3
+    elif name.startswith("triangle"):
         mesh.write_text(_tube() if "tube" in name else _ball())
-        return {"shape": {"type": "obj", "filename": str(mesh), "to_world": placed}}
-    return {"shape": {"type": name, "to_world": placed}}
+        given |= {"type": "obj", "filename": str(mesh)}
+    return {**shapes, "shape": {**given, "to_world": placed}}
 
 
 def _ball() -> str:
@@ -209,12 +191,10 @@ def _ball() -> str:
 
 def _tube() -> str:
     """Return an open tube of radius 1 around the x axis, 24 faces around."""
-    angle = np.arange(24) * (2 * np.pi / 24)
-    ring = np.stack((np.zeros(24), np.cos(angle), np.sin(angle)), axis=1)
     k = np.arange(24)
-    after = (k + 1) % 24
+    ring = np.stack((0.0 * k, np.cos(k * np.pi / 12), np.sin(k * np.pi / 12)), axis=1)
+    after, half = (k + 1) % 24, np.array([1.5, 0.0, 0.0])
     faces = [np.stack((k, after + 24, k + 24), 1), np.stack((k, after, after + 24), 1)]
-    half = np.array([1.5, 0.0, 0.0])
     return _obj(np.concatenate((ring - half, ring + half)), np.vstack(faces))
 
 
