@@ -11,13 +11,16 @@ from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import pytest
 
 from mitsuba_ref.mutations import from_syntax, syntax_trial
+from mitsuba_ref.mutations import reached_kernels as reached
 from mitsuba_ref.mutations.from_syntax import enumerate_mutants, sample
 from mitsuba_ref.mutations.mutant import ROOT, MutantError
 from mitsuba_ref.mutations.mutation import PACKAGE, mutated_files
+from mitsuba_ref.mutations.reached_kernels import compiled_kernels
 from mitsuba_ref.mutations.rungs import REPLAY, RUNS, Rung
 from mitsuba_ref.mutations.syntax_trial import (
     SCENES,
@@ -121,6 +124,35 @@ def test_what_the_trial_names_exists():
             file, _, name = test.partition("::")
             (path,) = (ROOT / "tests").rglob(file)
             assert f"def {name or 'test_'}" in path.read_text(encoding="utf-8")
+
+
+def test_a_compiled_kernel_is_told_and_one_that_is_only_defined_is_not():
+    def own(x):
+        return x + 1
+
+    own.__module__, own.__qualname__ = "renderer.plugins.own", "own"
+    compiled = numba.njit(own)
+    assert "plugins.own.own" not in compiled_kernels()
+    compiled(1)
+    assert "plugins.own.own" in compiled_kernels()
+
+
+def test_the_kernels_of_a_scene_are_kept_until_a_source_changes(tmp_path, monkeypatch):
+    """A process that renders the scene with an empty cache takes a minute."""
+    monkeypatch.setattr(reached, "cache_folder", lambda name: tmp_path)
+    started = []
+
+    def run(command, **given):
+        started.append(command[-1])
+        names = '["plugins.bsdfs.diffuse.sample"]'
+        return SimpleNamespace(returncode=0, stdout=f"a warning\n{names}\n", stderr="")
+
+    monkeypatch.setattr(reached.subprocess, "run", run)
+    scene = tmp_path / "box" / "scene.xml"
+    for state in ("now", "now", "later"):
+        monkeypatch.setattr(reached, "sources_hash", lambda texts, state=state: state)
+        assert reached.reached_kernels(scene) == {"plugins.bsdfs.diffuse.sample"}
+    assert started == [str(scene)] * 2
 
 
 def test_a_change_is_more_than_rounding():
