@@ -212,7 +212,8 @@ def test_a_mutant_is_shown_to_one_check_after_the_other(
     monkeypatch.setattr(StandIn, "brightness", brightness)
     monkeypatch.setattr(StandIn, "failed", failed)
     monkeypatch.setattr(syntax_trial, "Mutant", StandIn)
-    monkeypatch.setattr(syntax_trial, "render_ours", lambda *given, **more: picture_of(1.0))
+    unchanged = picture_of(1.0).pixels
+    monkeypatch.setattr(syntax_trial, "unchanged_picture", lambda scene: unchanged)
     rungs = [Rung(seen, True, "why", 1, 0.0)] if seen else []
     monkeypatch.setattr(syntax_trial, "CHECKS", (lambda *given: rungs,))
     broken = frozenset({"broken anyway"})
