@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from mitsuba_ref.command.compile_ahead import compile_kernels, kernel_requests
 from mitsuba_ref.command.scene_table import print_table
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.command.validation import Validated, validate_scene
-from mitsuba_ref.our_renderer.compile_ahead import compile_kernels, kernel_requests
 from mitsuba_ref.our_renderer.picture import RenderOurs, render_ours
 from mitsuba_ref.records import machine
 from mitsuba_ref.records.json_files import write_atomically, write_json

@@ -1,1 +1,1 @@
-"""The ladder of tests, climbed with many pictures of both renderers."""
+"""What judges a scene: numbers of one picture, AOVs, the ladder of tests; one verdict."""

@@ -99,7 +99,8 @@ def _rung(
     def picture(spp: int, index: int) -> Array:
         progress(f"{whose}, convergence at {spp} samples per pixel")
         seed = convergence_seed(side, index)
-        pixels = render(with_samples(request, spp, seed))
+        at_spp = replace(request.with_spp(spp), seed=seed)
+        pixels = render(replace(at_spp, box_filter=True, independent=True))
         if not sound:
             sound.append(np.zeros_like(pixels))
         like = sound[0]
@@ -111,18 +112,3 @@ def _rung(
         return pixels
 
     return rungs_with_noise.exponent(measure_convergence(picture), side)
-
-
-def with_samples(request: RenderRequest, spp: int, seed: int) -> RenderRequest:
-    """Return the request with independent samples, `spp` of them, and another seed."""
-    parameters = request.parameters
-    if "spp" in parameters:
-        parameters = parameters | {"spp": str(spp)}
-    return replace(
-        request,
-        parameters=parameters,
-        spp=spp,
-        seed=seed,
-        box_filter=True,
-        independent=True,
-    )

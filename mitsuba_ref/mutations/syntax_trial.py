@@ -1,8 +1,8 @@
 """Mutants made by machine, each shown to one check after the other until one sees it.
 
 A mutant whose small picture stays the same but for rounding is not judged: it is equivalent
-on its scene. Of the others, those that no check sees are listed: each is equivalent for a
-reason that somebody has to state, or a test is missing.
+on its scene. Of the others, those that no check sees are listed: each is equivalent for
+another reason, or a test is missing.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from threading import Lock
 from typing import Literal
 
@@ -136,7 +138,7 @@ def try_mutant(
             if refused_by_numba(str(error)):
                 return outcome("does not compile")
             return outcome("killed", Rung(RUNS, True, str(error), None, 0.0))
-        change = relative_change(picture, render_ours(request, light_choice=None).pixels)
+        change = relative_change(picture, unchanged_picture(scene_file(scene)))
         if change == 0.0:
             return outcome("equivalent")
         ours = CountedRender(harmed.render)
@@ -151,6 +153,12 @@ def try_mutant(
                     failed = "; ".join(run.failed)
                     return outcome("killed", Rung(TESTS, True, failed, None, run.seconds))
     return outcome("survived")
+
+
+@cache
+def unchanged_picture(scene: Path) -> NDArray[np.float32]:
+    """Return the picture that the renderer makes without a defect."""
+    return render_ours(picture_request(scene), light_choice=None).pixels
 
 
 def relative_change(picture: NDArray[np.float32], unchanged: NDArray[np.float32]) -> float:

@@ -1,1 +1,1 @@
-"""Our renderer's side of a comparison, and its kernels compiled ahead."""
+"""Our renderer's side of a comparison."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 MIN_THREADS = 2
@@ -39,3 +39,8 @@ class RenderRequest:
     replay: bool = False  # both sides draw the same random numbers
     # our side of a replay: what Mitsuba has in its camera's matrix (Reference.arrays)
     camera: tuple[float, ...] | None = None
+
+    def with_spp(self, spp: int) -> RenderRequest:
+        """Return the request with another number of samples per pixel."""
+        values = {"spp": str(spp)} if "spp" in self.parameters else {}
+        return replace(self, parameters=self.parameters | values, spp=spp)

@@ -63,10 +63,7 @@ def replay_scene(
     -------
     The result and both pictures, (H, W, 3).
     """
-    parameters = request.parameters
-    if "spp" in parameters:
-        parameters = parameters | {"spp": str(spp)}
-    request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
+    request = replace(request.with_spp(spp), box_filter=True, replay=True)
     description = read_scene(request)
     plan = _refuse_early(description, request)
     reference = references.get(request, description.files)

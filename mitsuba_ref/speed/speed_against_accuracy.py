@@ -62,7 +62,7 @@ def measure_ladder(
     for index, samples in enumerate(rungs(top)):
         for name, render in renderers.items():
             progress(f"ladder: {name}, {samples} samples per pixel")
-            rung = _rung(request, samples, LADDER_SEED + index)
+            rung = replace(request.with_spp(samples), seed=LADDER_SEED + index)
             if index == 0:
                 render(rung)  # warm-up: imports, caches, compiled kernels
             pixels, seconds, used = render(rung)
@@ -105,10 +105,3 @@ def _timed_mitsuba(references: ReferenceCache) -> Render:
         return picture.pixels, picture.seconds, picture.spp
 
     return render
-
-
-def _rung(request: RenderRequest, spp: int, seed: int) -> RenderRequest:
-    parameters = request.parameters
-    if "spp" in parameters:
-        parameters = parameters | {"spp": str(spp)}
-    return replace(request, parameters=parameters, spp=spp, seed=seed)

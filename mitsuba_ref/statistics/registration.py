@@ -1,10 +1,8 @@
 """Do both films put the same point into the same pixel? Shifts and flips, with noise.
 
-Two ways. On a special scene, a lit half-plane: the covered share of each pixel is known in
-closed form, so a slanted edge tells its shift along its normal to 0.01 pixels. And on
-any two sets of pictures: a shift s changes a picture by -s . gradient, so a weighted
-least-squares fit of a picture to the gradient is its shift; the fit is linear, each
-picture yields two numbers, and Welch's test compares those of ours with theirs.
+A shift s changes a picture by -s . gradient, so a weighted least-squares fit of a picture
+to the gradient is its shift; the fit is linear, each picture yields two numbers, and
+Welch's test compares those of ours with theirs.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, optimize
+from scipy import ndimage
 
 from mitsuba_ref.statistics.hypothesis_tests.welch import sidak_p, welch
 from mitsuba_ref.statistics.noise_free_mse import (
@@ -21,8 +19,6 @@ from mitsuba_ref.statistics.noise_free_mse import (
     squared_difference,
 )
 from mitsuba_ref.statistics.samples import ROUNDING, Floats
-
-LARGEST = 2.0  # [pixels], of a shift that an edge is searched for
 
 NEGLIGIBLE = 0.05
 """Pixels. A smaller shift is left to the tests of radiance, which see it as well: any
@@ -44,14 +40,6 @@ pixels, 16 samples and 8 seeds, it explained 31 to 96 %."""
 
 
 @dataclass(frozen=True)
-class Edge:
-    """Where a picture has the edge of a half-plane."""
-
-    shift: float  # [pixels] along the normal, towards the dark side
-    residual: float  # RMS of what is left: noise, or another picture altogether
-
-
-@dataclass(frozen=True)
 class Shift:
     """How far our pictures lie to the right of and below theirs."""
 
@@ -66,63 +54,6 @@ class Shift:
     def length(self) -> float:
         """Pixels."""
         return float(np.hypot(self.x, self.y))
-
-
-def half_plane_coverage(
-    width: int, height: int, normal: tuple[float, float], offset: float
-) -> Floats:
-    """Return the share of each pixel in which normal . p < offset, (H, W).
-
-    The distance of a uniform point of the unit square from its centre, along the normal
-    (a, b), is a U + b V with U, V uniform in [-1/2, 1/2]; its distribution function is the
-    second difference of a ramp squared, a trapezoid integrated.
-
-    Parameters
-    ----------
-    width, height
-        Pixels.
-    normal
-        Of length 1, x to the right and y *down*; both components away from 0.
-    offset
-        Pixels, with p = (0, 0) in the upper left corner of the film.
-    """
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    return _distribution(offset - normal[0] * x - normal[1] * y, normal)
-
-
-def _distribution(distance: Floats, normal: tuple[float, float]) -> Floats:
-    a, b = abs(normal[0]), abs(normal[1])
-
-    def ramp(h: Floats) -> Floats:
-        return np.maximum(h, 0.0) ** 2
-
-    outer, inner = (a + b) / 2.0, (a - b) / 2.0
-    total = ramp(distance + outer) - ramp(distance + inner)
-    total += ramp(distance - outer) - ramp(distance - inner)
-    # Two differences of squares, each up to 1e6: rounding leaves 1e-10 on either side.
-    return np.asarray(np.clip(total / (2.0 * a * b), 0.0, 1.0))
-
-
-def edge_shift(picture: Floats, normal: tuple[float, float], offset: float) -> Edge:
-    """Fit the half-plane's edge to a picture (H, W) of it, 1 lit and 0 dark.
-
-    The parameters are those of `half_plane_coverage` and say where the edge should be.
-    """
-    height, width = picture.shape
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    distance = offset - normal[0] * x - normal[1] * y
-
-    def squares(shift: float) -> float:
-        return float(np.mean((picture - _distribution(distance + shift, normal)) ** 2))
-
-    # The sum has one minimum for the right picture; the grid guards against wrong ones.
-    grid = np.linspace(-LARGEST, LARGEST, 81)
-    start = grid[int(np.argmin([squares(shift) for shift in grid]))]
-    step = grid[1] - grid[0]
-    found = optimize.minimize_scalar(
-        squares, bounds=(start - step, start + step), method="bounded"
-    )
-    return Edge(shift=float(found.x), residual=float(np.sqrt(found.fun)))
 
 
 def picture_shift(ours: Floats, theirs: Floats) -> Shift:

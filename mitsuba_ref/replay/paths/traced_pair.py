@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 from typing import Self
 
 from mitsuba_ref.our_renderer.picture import (
@@ -100,12 +99,7 @@ class TracedPair:
         """Return itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End Mitsuba's process."""
         if self._mitsuba is not None:
             self._mitsuba.close()

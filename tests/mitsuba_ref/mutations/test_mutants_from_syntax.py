@@ -11,13 +11,16 @@ from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import pytest
 
 from mitsuba_ref.mutations import from_syntax, syntax_trial
+from mitsuba_ref.mutations import reached_kernels as reached
 from mitsuba_ref.mutations.from_syntax import enumerate_mutants, sample
 from mitsuba_ref.mutations.mutant import ROOT, MutantError
 from mitsuba_ref.mutations.mutation import PACKAGE, mutated_files
+from mitsuba_ref.mutations.reached_kernels import compiled_kernels
 from mitsuba_ref.mutations.rungs import REPLAY, RUNS, Rung
 from mitsuba_ref.mutations.syntax_trial import (
     SCENES,
@@ -123,6 +126,35 @@ def test_what_the_trial_names_exists():
             assert f"def {name or 'test_'}" in path.read_text(encoding="utf-8")
 
 
+def test_a_compiled_kernel_is_told_and_one_that_is_only_defined_is_not():
+    def own(x):
+        return x + 1
+
+    own.__module__, own.__qualname__ = "renderer.plugins.own", "own"
+    compiled = numba.njit(own)
+    assert "plugins.own.own" not in compiled_kernels()
+    compiled(1)
+    assert "plugins.own.own" in compiled_kernels()
+
+
+def test_the_kernels_of_a_scene_are_kept_until_a_source_changes(tmp_path, monkeypatch):
+    """A process that renders the scene with an empty cache takes a minute."""
+    monkeypatch.setattr(reached, "cache_folder", lambda name: tmp_path)
+    started = []
+
+    def run(command, **given):
+        started.append(command[-1])
+        names = '["plugins.bsdfs.diffuse.sample"]'
+        return SimpleNamespace(returncode=0, stdout=f"a warning\n{names}\n", stderr="")
+
+    monkeypatch.setattr(reached.subprocess, "run", run)
+    scene = tmp_path / "box" / "scene.xml"
+    for state in ("now", "now", "later"):
+        monkeypatch.setattr(reached, "sources_hash", lambda texts, state=state: state)
+        assert reached.reached_kernels(scene) == {"plugins.bsdfs.diffuse.sample"}
+    assert started == [str(scene)] * 2
+
+
 def test_a_change_is_more_than_rounding():
     grey = np.full((4, 5, 3), 0.5, np.float32)
     assert relative_change(grey * np.float32(1.0 + 1e-5), grey) == 0.0
@@ -180,7 +212,8 @@ def test_a_mutant_is_shown_to_one_check_after_the_other(
     monkeypatch.setattr(StandIn, "brightness", brightness)
     monkeypatch.setattr(StandIn, "failed", failed)
     monkeypatch.setattr(syntax_trial, "Mutant", StandIn)
-    monkeypatch.setattr(syntax_trial, "render_ours", lambda *given, **more: picture_of(1.0))
+    unchanged = picture_of(1.0).pixels
+    monkeypatch.setattr(syntax_trial, "unchanged_picture", lambda scene: unchanged)
     rungs = [Rung(seen, True, "why", 1, 0.0)] if seen else []
     monkeypatch.setattr(syntax_trial, "CHECKS", (lambda *given: rungs,))
     broken = frozenset({"broken anyway"})

@@ -9,8 +9,7 @@ import sys
 import pytest
 from mitsuba_stand_in import stand_in, write_scene
 
-from mitsuba_ref.command import cli, validate_scenes
-from mitsuba_ref.our_renderer import compile_ahead
+from mitsuba_ref.command import cli, compile_ahead, validate_scenes
 from mitsuba_ref.records.options import Options
 
 
@@ -51,13 +50,14 @@ def test_a_scene_with_a_wrong_proof_is_left_to_its_own_comparison(scenes):
 
 
 def answering(sentence: str) -> str:
-    return f"import sys\nfor line in sys.stdin: {sentence}"
+    """A worker that says it is ready, and then does this for each request."""
+    return f"import sys\nprint('{{}}', flush=True)\nfor line in sys.stdin: {sentence}"
 
 
 @pytest.mark.parametrize(
     ("program", "expected"),
     [
-        (answering("print('true', flush=True)"), [1, 2, 3, 4]),
+        (answering("print('{}', flush=True)"), [1, 2, 3, 4]),
         (answering("break"), []),
         ("", []),
     ],
@@ -72,7 +72,7 @@ def test_progress_counts_answers_and_a_dead_worker_ends_the_warm_up(
     def instead(command, **options):
         return real([sys.executable, "-c", program], **options)
 
-    monkeypatch.setattr(compile_ahead.subprocess, "Popen", instead)
+    monkeypatch.setattr(subprocess, "Popen", instead)
     seen: list[int] = []
     compile_ahead.compile_kernels(
         compile_ahead.kernel_requests(scenes, Options(size="test")), seen.append

@@ -9,22 +9,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import queue
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
+from mitsuba_ref.our_renderer import picture
 from mitsuba_ref.records.machine import usable_cores
 from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
-from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.json_process import Answerer, JsonProcess, answer_requests
 from renderer.errors import SceneError
 from renderer.kernels.jit import KERNEL_CACHE, with_neighbours
+
+MODULE = "mitsuba_ref.command.compile_ahead"
+"""What a worker runs."""
 
 MOST_WORKERS = 4  # each compiler takes half a gigabyte
 
@@ -67,12 +71,19 @@ def compile_kernels(
     for request in requests:
         waiting.put(request)
     done: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    workers: list[JsonProcess] = []
+
+    def work() -> None:
+        # a dead process, or one that the end of this function has closed
+        with suppress(queue.Empty, MitsubaError, OSError, ValueError):
+            worker = JsonProcess(MODULE, {}, name="compiler", time_limit=TIME_LIMIT)
+            workers.append(worker)
+            while True:
+                worker.ask(asdict(waiting.get_nowait()))
+                done.put(True)
+
     count = min(usable_cores(), MOST_WORKERS, len(requests))
-    workers = [_start() for _ in range(count)]
-    threads = [
-        threading.Thread(target=_feed, args=(worker, waiting, done), daemon=True)
-        for worker in workers
-    ]
+    threads = [threading.Thread(target=work, daemon=True) for _ in range(count)]
     try:
         for thread in threads:
             thread.start()
@@ -89,43 +100,11 @@ def compile_kernels(
             finished += 1
             progress(finished)
     finally:
+        with suppress(queue.Empty):
+            while True:  # Ctrl-C: nothing more is begun
+                waiting.get_nowait()
         for worker in workers:
-            worker.kill()
-            worker.wait()
-        for thread in threads:
-            thread.join()
-
-
-def _start() -> subprocess.Popen[str]:
-    root = str(Path(__file__).parents[2])
-    paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return subprocess.Popen(
-        [sys.executable, "-m", "mitsuba_ref.our_renderer.compile_ahead"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        start_new_session=True,  # Ctrl-C is for the harness, which then ends the workers
-    )
-
-
-def _feed(
-    worker: subprocess.Popen[str],
-    waiting: queue.SimpleQueue[RenderRequest],
-    done: queue.SimpleQueue[bool],
-) -> None:
-    """Send the worker one request after the other until all are done or it has ended."""
-    assert worker.stdin is not None
-    assert worker.stdout is not None
-    # Closing a pipe to a dead process fails as writing to it does: outside of both.
-    with suppress(queue.Empty, BrokenPipeError), worker.stdin, worker.stdout:
-        while True:
-            request = waiting.get_nowait()
-            print(json.dumps(asdict(request)), file=worker.stdin, flush=True)
-            if not worker.stdout.readline():
-                return
-            done.put(True)
+            worker.close()
 
 
 def _stamp(request: RenderRequest) -> Path:
@@ -133,29 +112,26 @@ def _stamp(request: RenderRequest) -> Path:
     plugins = with_neighbours(request.plugins) if request.plugins else []
     for file in (Path(request.path), *plugins):
         digest.update(file.read_bytes())
-    digest.update(Path(__file__).with_name("picture.py").read_bytes())
+    digest.update(Path(picture.__file__).read_bytes())
     return KERNEL_CACHE / "warm" / digest.hexdigest()[:32]
 
 
-def serve() -> None:
-    """Compile for each request of standard input, answer "true" or "false"."""
-    from mitsuba_ref.our_renderer.picture import render_ours
+def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
+    """Return what compiles for each request, and says whether it could."""
 
-    output = os.fdopen(os.dup(sys.stdout.fileno()), "w")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    for line in sys.stdin:
-        request = RenderRequest(**json.loads(line))
-        try:
+    def compile_for(wanted: dict[str, Any]) -> dict[str, Any]:
+        request = RenderRequest(**wanted)
+        # its own comparison will say what is wrong with a scene
+        with suppress(Exception):
             # A noisy scene is rendered with the box and, once more, with its own filter.
             for box_filter in {request.box_filter, False}:
-                render_ours(replace(request, box_filter=box_filter))
+                picture.render_ours(replace(request, box_filter=box_filter))
             _stamp(request).parent.mkdir(parents=True, exist_ok=True)
             _stamp(request).touch()
-            compiled = True
-        except Exception:  # its own comparison will say what is wrong with the scene
-            compiled = False
-        print(json.dumps(compiled), file=output, flush=True)
+        return {}
+
+    return {}, compile_for
 
 
 if __name__ == "__main__":
-    serve()
+    answer_requests(load)
