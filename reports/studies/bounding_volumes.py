@@ -31,6 +31,8 @@ from reports.trials.tracing import make_query, trace
 DETAIL = 48  # parts along a side of an object's surface
 TIMED_RAYS = 1024  # a batch, as in the renderer; stays in the fastest cache
 TURNS = 7  # the volumes take turns; the best counts
+SIDE = 160  # pixels of a picture
+HIT, FALSE_HIT, MISS = (60, 64, 70), (226, 120, 90), (238, 240, 240)
 
 Points = NDArray[np.float64]  # (n, 3)
 
@@ -129,9 +131,37 @@ def _test_again(
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:
-    """Yield what each volume around an object costs, and what it lets through."""
+    """Yield pictures, then what each volume around an object costs, and lets through."""
+    for name, pixels in pictures(case).items():
+        yield bench.picture(case, name, pixels)
     rays, repeats = (20_000, 200) if bench.quick else (200_000, 2000)
     yield from measure_object(case, rays, DETAIL, repeats)
+
+
+def pictures(case: str) -> dict[str, NDArray[np.uint8]]:
+    """Return a picture by parallel rays for each volume: hits dark, false hits red."""
+    surfaces = _surfaces(case, DETAIL)
+    extents = extents_of("triangles", surfaces, np.arange(surfaces.end))
+    points = points_of_extents(extents)
+    sphere = VOLUMES["sphere"].fit(*points)
+    # the rows of Q: along the rays, across and down the picture
+    axes = np.linalg.qr(np.array([[0.2, 1.0, 0.0], [0.9, 0.1, 0.3], [0.4, 0.0, 1.0]]))[0].T
+    y, x = np.mgrid[1 : -1 : SIDE * 1j, -1 : 1 : SIDE * 1j].reshape(2, -1, 1)
+    radius = 1.5 * float(sphere.radius[0])
+    start = sphere.center[:, 0] + radius * (x * axes[1] + y * axes[2] - 2.0 * axes[0])
+    rows = np.zeros((2, 3, SIDE**2 + PADDING), np.float32)
+    rows[0, :, : SIDE**2], rows[1] = start.T, axes[0][:, None]
+    lines = Lines(rows[0], rows[1], SIDE**2)
+    hit, _ = _hits_object(surfaces, lines)
+    endless = np.full(SIDE**2 + PADDING, np.inf, np.float32)
+    found = {}
+    for name, volume in VOLUMES.items():
+        met = np.zeros(SIDE**2 + PADDING, np.int32)
+        which_hit(volume.fit(*points), *lines[:2], endless, lines.number, met)
+        pixels = np.where(met[: SIDE**2, None] > 0, FALSE_HIT, MISS)
+        pixels = np.where(hit[:, None], HIT, pixels).astype(np.uint8)
+        found[name] = pixels.reshape(SIDE, SIDE, 3)
+    return found
 
 
 def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[Row]:
@@ -173,7 +203,6 @@ def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[
         which_hit(record, lines.origin, lines.direction, endless, lines.number, found)
         met = int(found[:rays].sum())
         rows += [
-            row(quantity="rays that meet the volume, for one that hits", value=met / hits),
             row(quantity="share of its rays that hit", value=hits / met),
             row(quantity="false hits per line", value=(met - hits) / rays),
             row(quantity="surface area", value=VOLUMES[name].area(record)),
@@ -208,7 +237,7 @@ def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[
 STUDY = Study(
     title="Bounding volumes",
     sentence="Which volume around an object lets the fewest rays through that miss it, and "
-    "what does its test cost?",
+    "what does its test cost? In the pictures these rays are red.",
     minutes=1,
     quick_minutes=0.3,
     cases=tuple(OBJECTS),

@@ -32,7 +32,6 @@ def harness_that(
 @pytest.fixture(autouse=True)
 def no_further_studies(monkeypatch: pytest.MonkeyPatch) -> None:
     """They take minutes; what they have to do with this command is tested beside them."""
-    monkeypatch.setattr(cli, "write_study", lambda *_: None)
     monkeypatch.setattr(cli, "make_proof", lambda *_: 0)
 
 

@@ -136,6 +136,20 @@ def test_each_object_has_the_volume_that_suits_it(volumes):
         assert len(volumes.where(quantity=quantity)) == 18
 
 
+def test_pictures_show_fewer_red_pixels_for_tighter_volumes():
+    """Seen across its diagonal, the rod fills its oriented box and not the others."""
+    found = bounding_volumes.pictures("long, diagonal")
+    hits, red = (
+        {name: (image == colour).all(axis=2) for name, image in found.items()}
+        for colour in (bounding_volumes.HIT, bounding_volumes.FALSE_HIT)
+    )
+    red = {name: int(pixels.sum()) for name, pixels in red.items()}
+    assert hits["sphere"].sum() > 100
+    assert all((one == hits["sphere"]).all() for one in hits.values())
+    assert 3 * red["OBB"] < min(red["14-DOP"], red["10-DOP"])
+    assert max(red["14-DOP"], red["10-DOP"]) < red["AABB"] < red["sphere"]
+
+
 def test_a_lost_ray_stops_the_study(monkeypatch):
     """A volume that misses what is inside must not be timed."""
     volume = bounding_volumes.VOLUMES["AABB"]
