@@ -53,6 +53,8 @@ class JsonProcess:
         Where it runs; None: here.
     refusals
         Exceptions of the process, by name, that are raised here as what they are.
+    python
+        The interpreter; another one may have packages that this one lacks.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class JsonProcess:
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         refusals: Mapping[str, type[Exception]] | None = None,
+        python: str = sys.executable,
     ) -> None:
         self.name = name
         # a user's plugin file is imported there too, and has its own error messages
@@ -83,7 +86,7 @@ class JsonProcess:
         self._errors = tempfile.TemporaryFile()
         self._words_before = 0  # where the error output of this request begins
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, json.dumps(dict(job))],
+            [python, "-m", module, json.dumps(dict(job))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,

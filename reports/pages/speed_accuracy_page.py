@@ -279,7 +279,7 @@ def noiseless_chart(case: str, table: Table) -> tuple[Markup, list[tuple[str, li
         fastest.setdefault(errors[family], row)
         time, error = seconds(_number(row)), number(errors[family])
         rows.append((row.contender, [time, error, f"{off[family]:g}"]))
-    series = []
+    series: list[Series] = []
     for family, members in families.items():
         ours = family.startswith(OURS)
         program = OURS if ours else family.partition(",")[0]

@@ -36,12 +36,14 @@ from reports.trials.noiseless import has_noise, measure_noiseless
 from reports.trials.references import long_picture
 from reports.trials.timed_renderers import (
     JUDGES,
+    OTHERS,
     OURS,
     VARIANTS,
     Picture,
     Settings,
     means_apart,
     mitsuba_renderers,
+    other_renderers,
     our_renderers,
 )
 
@@ -155,6 +157,11 @@ def noisy(
             unavailable |= absent
             contenders |= found
             judging = f"mitsuba {variant}" if found else judging
+        for program in OTHERS:
+            bench.show(f"starting {program}")
+            found, absent = other_renderers(stack, program, scene, settings, folder)
+            unavailable |= absent
+            contenders |= found
         judge, long = (f"{judging}, {sampler}" for sampler in JUDGES)
         bench.show(f"image means of {len(contenders)} contenders")
         for name, why in means_apart(contenders, judge).items():
@@ -212,7 +219,7 @@ def rows_of(
         for number, spp in enumerate(counts):
             at = float(round_sample_count(sampler, spp) if sampler in SAMPLERS else spp)
             e, s = errors[name][number], seconds[name][number]
-            one = {"case": case, "contender": name, "at": at}
+            one: dict[str, Any] = {"case": case, "contender": name, "at": at}
             mean, time = statistics.fmean(e), statistics.median(s)
             ends = _ends(mean_interval(e))
             yield Row(quantity="relative MSE", value=_short(mean), interval=ends, **one)
@@ -261,7 +268,7 @@ def noiseless(
         time, ends = _short(statistics.median(times)), _ends((min(times), max(times)))
         yield Row(case=case, contender=name, quantity="seconds", value=time, interval=ends)
     for name, (error, off) in found.distances.items():
-        one = {"case": case, "contender": name}
+        one: dict[str, Any] = {"case": case, "contender": name}
         yield Row(quantity="error", value=_short(error), **one)
         yield Row(quantity="pixels off", value=off, **one)
 

@@ -137,12 +137,12 @@ def hall() -> Model:
     for step in range(5):  # frames that step up into each coffer
         edge, z = 0.14 + 0.1 * step, 9.0 + 0.12 * step
         for side in range(2):
-            low, high = grid(x, y, z), grid(x + 1.6, y + 1.75, z + 0.12)
-            first, last = high.copy(), low.copy()
-            first[:, side] = low[:, side] + edge
-            last[:, side] = high[:, side] - edge
-            model.boxes("stone", low, first)
-            model.boxes("stone", last, high)
+            corner, opposite = grid(x, y, z), grid(x + 1.6, y + 1.75, z + 0.12)
+            first, last = opposite.copy(), corner.copy()
+            first[:, side] = corner[:, side] + edge
+            last[:, side] = opposite[:, side] - edge
+            model.boxes("stone", corner, first)
+            model.boxes("stone", last, opposite)
     model.boxes("gold", (-8, -2, 9.6), (8, 40, 9.7))
     for sign in (-1.0, 1.0):  # windows high in the walls
         places = grid(sign * 7.95, np.arange(1.5, 39.0, 3.5), 6.2)
@@ -271,9 +271,9 @@ def library() -> Model:
     )
     rng = np.random.default_rng(11)
     model.boxes("wood", (-7, -1, -0.1), (7, 30, 0), 1.2)
-    low = [(-7.2, -1, 0), (7, -1, 0), (-7, 30, 0), (-7, -1.2, 0), (-7, -1, 5)]
-    high = [(-7, 30, 5), (7.2, 30, 5), (7, 30.2, 5), (7, -1, 5), (7, 30, 5.2)]
-    model.boxes("wall", low, high, 3.0)
+    walls = [(-7.2, -1, 0), (7, -1, 0), (-7, 30, 0), (-7, -1.2, 0), (-7, -1, 5)]
+    ends = [(-7, 30, 5), (7.2, 30, 5), (7, 30.2, 5), (7, -1, 5), (7, 30, 5.2)]
+    model.boxes("wall", walls, ends, 3.0)
     heights = 0.1 + 0.42 * np.arange(9)
     for sign in (-1.0, 1.0):
         low, high = sorted((sign * 6.6, sign * 7.0))
@@ -362,7 +362,7 @@ def texture(name: str) -> NDArray[np.uint8]:
     else:
         tone, joint, colour = 0.9 + 0.06 * noise, x < 0, np.array([0.78, 0.72, 0.6])
     tone = np.where(joint, 0.35, tone)
-    return np.uint8(np.round(255.0 * np.clip(tone[..., None] * colour, 0.0, 1.0)))
+    return np.round(255.0 * np.clip(tone[..., None] * colour, 0.0, 1.0)).astype(np.uint8)
 
 
 def architecture_scene(name: str) -> Path:

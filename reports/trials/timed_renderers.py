@@ -7,6 +7,9 @@ loaded when it is made, and it has rendered once, so that nothing compiles when 
 from __future__ import annotations
 
 import functools
+import os
+import shutil
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,11 +24,14 @@ import renderer
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
 from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.reference.errors import MitsubaError, MitsubaTimeout
+from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, welch
+from renderer.errors import SceneError
 from renderer.process.names import SAMPLERS
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
+from reports.trials.plain_scenes import write_plain_scene
 
 OURS = "lightproof"
 VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
@@ -46,6 +52,11 @@ RAY_OFFSET = "mitsuba"
 # its seed 4 (16 samples, 48 x 32).
 NOT_FINITE = "its picture has values that are not finite"
 PATIENCE = 120.0  # [s] for one picture
+STARTING = 600.0  # [s] for another program to load a scene and to draw the first picture
+# Further programs: the package, and the module that adapts it. A Python that has the
+# package is named by LIGHTPROOF_PEER_PYTHON, as peers need other versions of libraries.
+OTHERS = {"cycles": ("bpy", "reports.trials.cycles_peer")}
+PEER_PYTHON = "LIGHTPROOF_PEER_PYTHON"
 # Mitsuba 3.9.1's `llvm_ad_rgb` takes 11 to 20 s for each picture of 10,000 instances, also
 # for the same one again, and more than a minute where two such scenes are loaded; here one
 # is for each sampler.
@@ -162,6 +173,42 @@ def mitsuba_renderers(
         late = isinstance(error, MitsubaTimeout) and 'type="instance"' in path.read_text()
         return {}, {program: f"{error}: {ANEW}" if late else str(error)}
     return found, absent
+
+
+def other_renderers(
+    stack: ExitStack, program: str, scene: Scene, settings: Settings, folder: Path
+) -> tuple[dict[str, Contender], dict[str, str]]:
+    """Return one of `OTHERS` with its sampler, or why it cannot draw the scene."""
+    package, module = OTHERS[program]
+    file = folder / f"{program}.npy"
+    python = os.environ.get(PEER_PYTHON, sys.executable)
+    if shutil.which(python) is None:
+        return {}, {program: f"{PEER_PYTHON} names {python}, which is no program"}
+    try:
+        write_plain_scene(scene.description, folder)
+        peer = stack.enter_context(
+            JsonProcess(
+                module,
+                {"folder": str(folder), "threads": settings.threads},
+                name=program,
+                time_limit=STARTING,
+                python=python,
+            )
+        )
+
+        def render(seed: int, spp: int) -> Shot:
+            answer = peer.ask({"seed": seed, "spp": spp, "keep": str(file)})
+            return float(answer["seconds"]), np.load(file).astype(np.float64)
+
+        render(0, settings.spp[0])
+        peer.time_limit = PATIENCE
+    except (MitsubaError, SceneError) as error:
+        why = str(error)
+        if f"No module named '{package}'" in why:
+            install = "install lightproof[peers], or name a Python that has it in"
+            why = f"{package} is not installed: {install} {PEER_PYTHON}"
+        return {}, {program: why}
+    return {f"{program}, {peer.loaded['sampler']}": render}, {}
 
 
 def means_apart(contenders: Mapping[str, Contender], judge: str) -> dict[str, str]:

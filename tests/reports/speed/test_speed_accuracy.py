@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
+import json
 import math
 import re
+import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +44,9 @@ from reports.trials import noiseless, timed_renderers
 from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
 from reports.trials.large_meshes import LARGE, written
 from reports.trials.noiseless import different, distance, has_noise, some_pixels
+from reports.trials.plain_scenes import write_plain_scene
 from reports.trials.references import SEED, kept
-from reports.trials.timed_renderers import RAY_OFFSET, Settings
+from reports.trials.timed_renderers import RAY_OFFSET, Settings, other_renderers
 from reports.trials.truth import true_pixels
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -344,6 +349,7 @@ def measured(tmp_path, monkeypatch):
     store = Store(tmp_path / "data", tmp_path / "measured")
     path = tmp_path / "room.xml"
     path.write_text(CLOSED_ROOM)
+    monkeypatch.setattr(study, "OTHERS", ())
 
     def run(case=str(path), **options):
         usual = {"spp": "5", "reference": "16", "seeds": "2", "side": "8"}
@@ -566,3 +572,64 @@ def test_a_scene_of_architecture_size_is_the_same_each_time(name, tmp_path, monk
     textures = [m.bsdf.front.reflectance for m in meshes if m.bsdf.plugin == "twosided"]
     assert any(isinstance(texture, BitmapTexture) for texture in textures)
     assert all(mesh.uvs is not None for mesh in meshes)
+
+
+# -------------------------------------------------------------------------- other programs
+
+
+def test_a_program_that_is_not_installed_is_one_sentence(tmp_path, monkeypatch):
+    """Where its package is missing, and where its Python is."""
+    path = SCENES / "cornell-box" / "scene.xml"
+    scene = renderer.load_file(path, width="4", height="4")
+
+    def why():
+        with ExitStack() as stack:
+            found, absent = other_renderers(stack, "cycles", scene, Settings(), tmp_path)
+        assert found == {}
+        return absent["cycles"]
+
+    monkeypatch.setenv("LIGHTPROOF_PEER_PYTHON", sys.executable)
+    if importlib.util.find_spec("bpy") is None:
+        assert why() == (
+            "bpy is not installed: install lightproof[peers], or name a Python that has it "
+            "in LIGHTPROOF_PEER_PYTHON"
+        )
+    monkeypatch.setenv("LIGHTPROOF_PEER_PYTHON", str(tmp_path / "python"))
+    assert why().endswith("which is no program")
+
+
+def plain(path, folder, **parameters):
+    write_plain_scene(read_file(path, **parameters), folder)
+    return json.loads((folder / "scene.json").read_text()), np.load(folder / "arrays.npz")
+
+
+def test_a_plain_scene_has_all_that_the_file_has(tmp_path):
+    """The Cornell box: triangles face inwards as the file's normals do, one lamp shines."""
+    content, arrays = plain(
+        SCENES / "cornell-box" / "scene.xml", tmp_path, width="8", height="6"
+    )
+    assert (content["width"], content["height"], content["max_depth"]) == (8, 6, 8)
+    shining = [k for k, m in enumerate(content["materials"]) if m["radiance"]]
+    assert len(shining) == 1
+    a, b, c = arrays[f"vertices{shining[0]}"][arrays[f"faces{shining[0]}"][0]]
+    normal = np.cross(b - a, c - a)
+    description = read_file(SCENES / "cornell-box" / "scene.xml")
+    (lamp,) = [shape for shape in description.shapes if shape.radiance]
+    assert normal @ lamp.to_world[:3, 2] > 0.0
+    triangles = sum(len(arrays[name]) for name in arrays.files if name.startswith("faces"))
+    assert triangles == 2 * 6 + 2 * 12  # five walls, the lamp, two boxes
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("textured-room", "the film filter 'tent'"),
+        ("metals", "the BSDF '"),
+        ("colour-bleeding", "a light of type DirectionalLight"),
+        ("instances", "instances"),
+        ("emitters", "the integrator 'direct'"),
+    ],
+)
+def test_a_scene_that_is_not_plain_is_refused(name, told, tmp_path):
+    with pytest.raises(SceneError, match=f"does not translate {told}"):
+        plain(SCENES / name / "scene.xml", tmp_path)
