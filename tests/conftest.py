@@ -78,6 +78,6 @@ def no_collection() -> Iterator[None]:
 def _no_kept_records(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: Any) -> None:
     """Keep the repository's records off pages that tests draw."""
     nowhere = tmp_path_factory.getbasetemp() / "no-records"
-    for module in ("reports.records.measured", "reports.commands.pages"):
+    for module in ("reports.records.measured",):
         if module in sys.modules:
             monkeypatch.setattr(f"{module}.MEASURED", nowhere)

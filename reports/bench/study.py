@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +42,8 @@ class Bench:
         Settings of the study that the command line gives as NAME=VALUE.
     earlier
         All rows that the study has in the store, for studies that go on.
+    session
+        What `Study.session` opened for all cases of this run.
     """
 
     study: str
@@ -48,8 +53,11 @@ class Bench:
     budget: float = 3600.0
     options: Mapping[str, str] = field(default_factory=dict)
     earlier: Table = field(default_factory=Table)
+    session: Any = None
 
-    def picture(self, case: str, name: str, pixels: NDArray[np.uint8]) -> Row:
+    def picture(
+        self, case: str, name: str, pixels: NDArray[np.uint8], form: str = "png"
+    ) -> Row:
         """Write a picture for the page; return its row.
 
         Parameters
@@ -60,11 +68,14 @@ class Bench:
             Of the picture within the case; contender of the row.
         pixels
             (height, width, 3) or (height, width), sRGB.
+        form
+            "png", or "jpg" for a small picture that may lose detail.
         """
-        path = Path("pictures") / self.study / f"{case}-{name}.png".replace(" ", "-")
+        file = re.sub(r"[^\w.=+-]+", "-", f"{case}-{name}.{form}").strip("-")
+        path = Path("pictures") / self.study / file
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(pixels).save(target, optimize=True)
+        Image.fromarray(pixels).save(target, optimize=True, quality=85)
         return Row(case=case, contender=name, quantity="picture", value=path.as_posix())
 
 
@@ -97,6 +108,16 @@ class Study:
     page
         "module:function" that turns the study's rows into a page; "" draws a table of each
         quantity, and a chart of each that has an axis.
+    pages
+        Instead of `page`, for a study with several pages or with records of its own:
+        "module:function" that gets (name, study, table, folder of the pages) and returns
+        the HTML of each page by its file name.
+    session
+        Opens what the cases of a run share, such as a process of Mitsuba: gets the cases
+        and the bench, returns a context manager; its value is `Bench.session`.
+    verdict
+        From the rows to one sentence that answers the study's question; it stands at the
+        top of the page and on its card of the index.
     """
 
     title: str
@@ -111,6 +132,11 @@ class Study:
     goes_on: bool = False
     options: Mapping[str, str] = field(default_factory=dict)
     page: str = ""
+    pages: str = ""
+    session: Callable[[Sequence[str], Bench], AbstractContextManager[Any]] = (
+        lambda cases, bench: nullcontext()
+    )
+    verdict: Callable[[Table], str] = lambda table: ""
 
     def chosen(self, names: Sequence[str], quick: bool) -> list[str]:
         """Return the cases to measure.
@@ -133,6 +159,11 @@ def study_names() -> list[str]:
     """Return the names of all studies."""
     modules = pkgutil.iter_modules([str(FOLDER)])
     return [m.name.replace("_", "-") for m in modules if not m.name.startswith("_")]
+
+
+def page_file(name: str) -> str:
+    """Return the file name of a study's page."""
+    return f"{name.replace('-', '_')}.html"
 
 
 def find_study(name: str) -> Study:

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 import speed_accuracy_sample
-from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
 from mitsuba_ref.records.json_files import to_json
@@ -25,9 +24,6 @@ from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
 from reports.records.measured import newest
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
-from reports.soak.record import Part, Session, Soak, Step
 from reports.speed_accuracy.summary import efficiencies
 
 REPOSITORY = Path(measured.__file__).parents[1] / "measured"
@@ -272,16 +268,6 @@ def test_the_repositorys_records_are_whole_small_and_have_numbers(path: Path) ->
     assert all(values_of(one, content) for one in measures)
 
 
-def test_a_fresh_clone_shows_the_repositorys_mutations(tmp_path: Path, monkeypatch) -> None:
-    """`make proof` measures neither mutations nor false alarms."""
-    from reports.proof_page.record import MATRIX, read_matrix
-
-    monkeypatch.setattr(measured, "MEASURED", REPOSITORY)
-    found = newest(tmp_path / "data" / MATRIX)
-    assert found == REPOSITORY / MATRIX
-    assert len(read_matrix(found).rows) > 50
-
-
 def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> None:
     from reports.commands import pages
 
@@ -298,19 +284,6 @@ def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> 
     pages._needs(tmp_path / "out")
     page = (tmp_path / "out" / "needs.html").read_text()
     assert "The least model" in page and "<img" not in page
-
-
-def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
-    part = Part().begun(Session("now", "abc", "cpu")).after(Step(3, faults=("a",)), 7200.0)
-    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    page = results_page(results, tmp_path, soak=Soak(parts={"rays": part}), history=True)
-    assert (
-        'href="soak.html"' in page
-        and "1 fault open, 0 found and mended" in page
-        and "120 min" in page
-    )
-    assert 'href="history.html"' in page
-    assert "soak.html" not in results_page(results, tmp_path)
 
 
 def test_what_draws_a_scene_fastest_is_a_curve_too() -> None:

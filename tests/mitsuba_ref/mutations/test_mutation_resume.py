@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from pathlib import Path
 
-import proof_samples as sample
 import pytest
 
 import mitsuba_ref.mutations.__main__ as command
@@ -20,7 +17,6 @@ from mitsuba_ref.mutations.matrix import (
 )
 from mitsuba_ref.mutations.resumed import Matrix
 from mitsuba_ref.mutations.rungs import REPLAY, Rung
-from reports.proof_page.page import proof_page
 
 THREE = CATALOGUE[:3]
 NOW, OLD = "0123456789ab", "ba9876543210"
@@ -140,19 +136,6 @@ def test_rows_without_a_commit_are_of_their_records(tmp_path):
     path = tmp_path / "matrix.json"
     write_matrix([row("one", "a"), row("two", "a", OLD)], {"commit": NOW}, path)
     assert [one.commit for one in read_matrix_rows(path)] == [NOW, OLD]
-
-
-def test_the_page_says_which_rows_are_older(tmp_path: Path):
-    content = sample.matrix()
-    commit = content["commit"]
-    content["rows"][0]["commit"] = content["rows"][1]["commit"] = OLD
-    content["rows"][2]["commit"] = commit
-    page = proof_page(sample.record(tmp_path, matrix=content), tmp_path)
-    assert f"2 rows are of commit {OLD}" in page
-    content["rows"][:2] = content["rows"][2:]
-    assert "earlier runs" not in proof_page(
-        sample.record(tmp_path, matrix=json.loads(json.dumps(content))), tmp_path
-    )
 
 
 def test_a_control_is_no_mutation_of_the_catalogue():

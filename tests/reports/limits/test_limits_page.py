@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 from drawn_charts import figure, figures, points
-from report_samples import scene, write_results
 from test_limits_atlas import ROW
 
 from reports.charts.boundary import boundary_chart
@@ -22,8 +21,6 @@ from reports.limits.record import (
     read_limits,
     write_limits,
 )
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
 
 SOUND = MeasuredRow(
     "square",
@@ -110,19 +107,6 @@ def test_the_record_survives_its_file(tmp_path):
     limits = Limits(rows=(SOUND, FAULTY))
     write_limits(tmp_path / "limits.json", limits)
     assert read_limits(tmp_path / "limits.json") == limits
-
-
-def test_the_page_of_all_scenes_leads_to_the_atlas(tmp_path):
-    """And says how many rows are not as they should be."""
-    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    with_atlas = results_page(results, tmp_path, limits=Limits(rows=(SOUND, FAULTY)))
-    assert 'href="limits.html"' in with_atlas and "1 row is not as" in with_atlas
-    assert 'href="limits.html"' not in results_page(results, tmp_path)
-    assert 'href="needs.html"' in results_page(results, tmp_path, needs=True)
-    assert 'href="needs.html"' not in results_page(results, tmp_path)
-
-
-# ------------------------------------------------------------------------ the command
 
 
 @pytest.fixture

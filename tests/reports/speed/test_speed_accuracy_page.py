@@ -8,16 +8,12 @@ from pathlib import Path
 
 import pytest
 from drawn_charts import figures, points
-from report_samples import scene, write_results
 from speed_accuracy_sample import PEER, noisy, record
 
 from reports.commands import speed_accuracy as command
-from reports.commands.pages import draw
 from reports.errors import ReportError
 from reports.look.formatting import number
 from reports.records.measured import MEASURED
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
 from reports.speed_accuracy.page import speed_accuracy_page
 from reports.speed_accuracy.record import (
     FILE,
@@ -104,33 +100,6 @@ def test_the_readme_has_the_numbers_of_the_record_and_no_others():
 
 def test_the_page_loads_nothing(page):
     assert "http" not in page.split('id="plotly"')[0].replace("http-equiv", "")
-
-
-def test_the_record_survives_its_file_and_is_drawn_again(tmp_path, capsys):
-    """With `--from`, and beside all other pages; the page of all scenes leads to it."""
-    data = tmp_path / "data"
-    data.mkdir()
-    write_speed_accuracy(data / "speed_accuracy.json", record())
-    assert read_speed_accuracy(data / "speed_accuracy.json") == record()
-    write_results(data, [scene("box", "pass")])
-    draw(data / "results.json", tmp_path)
-    page = tmp_path / "speed_accuracy.html"
-    drawn = page.read_bytes()
-    assert 'href="speed_accuracy.html"' in (tmp_path / "index.html").read_text()
-    page.unlink()
-    words = ["--from", str(data / "speed_accuracy.json"), "--out", str(tmp_path)]
-    assert command.main(words) == 0
-    assert page.read_bytes() == drawn
-    assert "| sobol | 2 | 0.707 | 0.707 to 0.707 | 0.25 (room) | 1 |" in (
-        capsys.readouterr().out
-    )
-
-
-def test_the_page_of_all_scenes_says_how_it_stands(tmp_path):
-    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    page = results_page(results, tmp_path, curves=record(failed={"cellar": "x"}))
-    assert "1 times as fast to the same error" in page and "1 scene could not be" in page
-    assert 'href="speed_accuracy.html"' not in results_page(results, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from mitsuba_ref.records.results import SCHEMA, ReplayResult, Results, SceneResult
-from mitsuba_ref.records.verdicts import VERDICTS
+from mitsuba_ref.records.json_files import RecordError, from_json
+from mitsuba_ref.records.results import ReplayResult, Results, SceneResult
 from reports.errors import ReportError
-from reports.records.json_file import read_json
+from reports.look.formatting import slug
+
+
+def record_file(folder: Path, study: str, case: str) -> Path:
+    """Return where the harness's record of a scene is, in the folder of the pages."""
+    return folder / "data" / study / slug(case) / "results.json"
 
 
 def read_results(path: Path) -> Results:
@@ -23,7 +28,12 @@ def read_results(path: Path) -> Results:
     ReportError
         One line: what is wrong and where.
     """
-    results = read_json(path, Results, SCHEMA)
+    try:
+        results = from_json(path.read_bytes(), Results)
+    except OSError as error:
+        raise ReportError(f"{path}: cannot be read: {error.strerror}") from None
+    except RecordError as error:
+        raise ReportError(f"{path}: {error}") from None
     if not results.scenes:
         raise ReportError(f"{path}: holds no scene")
     names = [scene.name for scene in results.scenes]
@@ -32,12 +42,6 @@ def read_results(path: Path) -> Results:
             raise ReportError(f"{path}: scene {scene.name} is there twice")
         _check(scene, f"{path}: scenes[{index}]")
     return replace(results, scenes=tuple(map(contradicted, results.scenes)))
-
-
-def worst_first(results: Results) -> list[SceneResult]:
-    """Return the scenes, the most severe verdict first, else in the file's order."""
-    order = list(VERDICTS)
-    return sorted(results.scenes, key=lambda scene: order.index(scene.verdict))
 
 
 def contradicted(scene: SceneResult) -> SceneResult:
