@@ -1,30 +1,25 @@
-"""Draws what was measured: JSON in, self-contained HTML pages out.
+"""The laboratory: studies yield rows, a store keeps them, pages show them.
 
-`python -m reports` runs the harness on every scene and draws all pages;
-`python -m reports STUDY` measures a study, `python -m reports.accelerators`
-everything that finds hits, `python -m reports.proof` replays and tests,
-`python -m reports limits` puts methods under stress until they fail. Only the
-last computes images of its own; the others read what `mitsuba_ref` wrote.
+`python -m reports scenes` renders all scenes in both renderers and draws index.html;
+`python -m reports --list` names the other studies. One room a purpose, from the top down;
+imports go no other way:
 
-One room a page or study, from the top down; imports go no other way:
-
-`commands`
-    Measure, write the records, draw the pages.
-`scenes_page`, `proof_page`
-    From records to a page.
-`speed_accuracy`, `needs`, `soak`, `history`
-    Studies with a page of their own: what an error costs, what a scene needs, what is rare,
-    how records changed.
+`command`
+    The command line.
+`studies`
+    One file a study: its name, its sentence, and a function that yields rows.
+`trials`
+    What several studies measure with: meshes, rays, contenders, scenes.
+`pages`
+    From rows to HTML; most studies have the general page `study_page`.
 `atlas`
-    Where methods fail: texts and boundaries, which `studies.limits` measures.
-`beside_peers`
-    Pictures and rays of several scenes beside Mitsuba and Embree.
-`speed`, `cluster_study`
-    From measurements to records; small ones draw their section, too.
-`studies`, `trials`, `pages`, `bench`
-    Studies that yield rows, what they measure with, their pages, and what runs them.
-`page`, `charts`, `records`
-    The look of all pages, charts, and JSON files as dataclasses.
+    Where methods fail: the texts and boundaries that the study `limits` checks.
+`bench`
+    Rows, the store, the runner and timing.
+`look`, `charts`
+    The look of all pages, and charts.
+`measured`
+    The rows that the repository keeps.
 """
 
 import mitsuba_ref  # noqa: F401  for what it says where a package is missing

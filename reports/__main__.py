@@ -1,11 +1,14 @@
-"""`python -m reports`."""
+"""`python -m reports`, also the command `lightproof-report`."""
 
-import sys
+from __future__ import annotations
 
 from reports.starting import run
 
+
+def main() -> int:
+    """Measure studies, draw the pages; return the exit status."""
+    return run("reports.command")
+
+
 if __name__ == "__main__":
-    # the pages that are no studies yet
-    old = {"--no-proof", "--proof", "--from"}
-    command = "reports.commands.report" if old & set(sys.argv) else "reports.command"
-    raise SystemExit(run(command))
+    raise SystemExit(main())

@@ -5,23 +5,32 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.verdicts import exit_status, statuses_in_words
 from reports.bench.rows import Table
 from reports.bench.runner import Request, run_study
 from reports.bench.store import Store
-from reports.bench.study import Study, find_study, study_names
+from reports.bench.study import Study, find_study, page_file, study_names
 from reports.errors import ReportError
 from reports.look.shared_files import write_shared_files
 from reports.pages.history_page import history_page
 
 FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
+DEFAULT_STUDY = "scenes"
+INDEX = "index.html"
+EPILOG = f"""exit status, that of the most severe verdict of a scene:
+{statuses_in_words()}
+{FAULTY} also for a fault that a study found. After {INTERRUPTED} all cases that ended are
+stored, and the same command goes on.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,14 +50,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.list:
             _list()
             return 0
-        names = given.studies or study_names()
+        names = given.studies or (
+            study_names() if given.keep or given.draw else [DEFAULT_STUDY]
+        )
         studies = {name: find_study(name) for name in names}
         if given.keep:
             for name, study in studies.items():
                 _say(store.keep(name, study.goes_on))
             return 0
-        if not given.draw and not given.studies:
-            raise ReportError(f"name a study, or --draw: {', '.join(names)}")
         faults: list[str] = []
         if not given.draw:
             request = Request(
@@ -70,13 +79,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         status = INTERRUPTED
                         break
         for name, study in studies.items():
-            if page := draw(name, study, store, given.out):
-                if sentence := study.verdict(_table(name, study, store)):
-                    _say(f"{name}: {sentence}")
-                _say(f"The page: {page}")
-        write_shared_files(
-            given.out, [(_file(n), find_study(n).title) for n in study_names()]
-        )
+            draw(name, study, store, given.out)
+            if sentence := study.verdict(table_of(name, study, store)):
+                _say(f"{name}: {sentence}")
+        _say(f"The page: {draw_index(store, given.out)}")
+        status = status or _status(studies, store, given.case)
         if given.draw and not given.studies:
             everything = {n: (s, store.everything(n)) for n, s in studies.items()}
             write_atomically(given.out / "history.html", history_page(everything).encode())
@@ -89,38 +96,65 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status or (FAULTY if faults else 0)
 
 
+def table_of(name: str, study: Study, store: Store) -> Table:
+    """Return the rows that a study's page is drawn from."""
+    return store.everything(name) if study.goes_on else store.read(name)
+
+
 def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
-    """Draw the page of a study from its rows; return its path, or None without rows.
+    """Draw the pages of a study from its rows; return the first, or None without rows.
 
     Raises
     ------
     ReportError
-        If the store cannot be read, or the rows not be drawn; an older page stays.
+        If the store cannot be read, or the rows not be drawn; older pages stay.
     """
-    table = _table(name, study, store)
+    table = table_of(name, study, store)
     if not table:
         return None
-    page = out / _file(name)
-    write_atomically(page, _page(study)(name, study, table).encode())
-    return page
+    if study.pages:
+        pages: Mapping[str, str] = _function(study.pages)(name, study, table, out)
+    else:
+        page = study.page or "reports.pages.study_page:study_page"
+        pages = {page_file(name): _function(page)(name, study, table)}
+    for file, content in pages.items():
+        write_atomically(out / file, content.encode())
+    return next((out / file for file in pages), None)
 
 
-def _file(name: str) -> str:
-    return f"{name.replace('-', '_')}.html"
+def draw_index(store: Store, out: Path) -> Path:
+    """Draw the page of all pages, and the files that all pages load; return its path."""
+    studies = {name: find_study(name) for name in study_names()}
+    tables = {
+        name: (study, table_of(name, study, store)) for name, study in studies.items()
+    }
+    for name, study in studies.items():
+        if name != DEFAULT_STUDY and not (out / page_file(name)).exists():
+            draw(name, study, store, out)  # of rows that the repository keeps
+    content: str = _function("reports.pages.index_page:index_page")(tables, out)
+    write_atomically(out / INDEX, content.encode())
+    # short titles, for the bar of all pages
+    titles = [
+        (page_file(name), study.title.partition(":")[0]) for name, study in studies.items()
+    ]
+    write_shared_files(out, titles)
+    return out / INDEX
 
 
-def _table(name: str, study: Study, store: Store) -> Table:
-    return store.everything(name) if study.goes_on else store.read(name)
+def _status(studies: Iterable[str], store: Store, cases: Sequence[str] | None) -> int:
+    """Return the status of the most severe verdict among scenes; 0 without any."""
+    verdicts = [
+        row.value
+        for name in studies
+        for row in store.read(name).where(quantity="verdict")
+        if not cases or row.case in cases
+    ]
+    return exit_status(verdicts) if verdicts else 0  # type: ignore[arg-type]
 
 
-def _page(study: Study) -> Callable[[str, Study, Table], str]:
-    module, _, function = (study.page or "reports.pages.study_page:study_page").partition(
-        ":"
-    )
-    found: Callable[[str, Study, Table], str] = getattr(
-        importlib.import_module(module), function
-    )
-    return found
+def _function(place: str) -> Any:
+    module, _, function = place.partition(":")
+    return getattr(importlib.import_module(module), function)
 
 
 def _list() -> None:
@@ -148,13 +182,11 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m reports",
         allow_abbrev=False,
         description="Measure studies case by case, store the rows, draw the pages.",
-        epilog=f"Exit status: 0 no fault, {FAULTY} a fault was found, {WRONG_USE} the "
-        f"command line or a file is wrong, {INTERRUPTED} interrupted: what ended is "
-        "stored, and the same command goes on.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("studies", nargs="*", metavar="STUDY", help="see --list")
+    add("studies", nargs="*", metavar="STUDY", help=f"see --list; default: {DEFAULT_STUDY}")
     add("--list", action="store_true", help="list the studies, with their minutes")
     add("--quick", action="store_true", help="a shorter measurement with larger intervals")
     add("--case", action="append", metavar="NAME", help="measure this case (repeatable)")
@@ -170,7 +202,7 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         default=3600.0,
         metavar="SECONDS",
-        help="of each case of a study without an end",
+        help="of each case of a study without an end (default: 3600)",
     )
     add(
         "--draw",
@@ -178,5 +210,11 @@ def _parser() -> argparse.ArgumentParser:
         help="draw the pages of what is stored; without STUDY also all over commits",
     )
     add("--keep", action="store_true", help="copy full measurements into the repository")
-    add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="folder of the pages")
+    add(
+        "--out",
+        type=Path,
+        default=DEFAULT_OUT,
+        metavar="DIR",
+        help=f"folder of the pages (default: {DEFAULT_OUT})",
+    )
     return parser

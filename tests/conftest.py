@@ -89,11 +89,3 @@ def heeding_interrupts() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
-
-
-@pytest.fixture(autouse=True)
-def _no_kept_records(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: Any) -> None:
-    """Keep the repository's records off pages that tests draw."""
-    nowhere = tmp_path_factory.getbasetemp() / "no-records"
-    if "reports.records.measured" in sys.modules:
-        monkeypatch.setattr("reports.records.measured.MEASURED", nowhere)

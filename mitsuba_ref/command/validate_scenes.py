@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 
 WRONG_USE, INTERRUPTED = 2, 130
+
+Validate = Callable[[Path, Callable[[str], None]], Validated]
 
 
 def validate_scenes(
@@ -52,20 +55,17 @@ def validate_scenes(
     results: list[SceneResult] = []
     console = Console(stderr=True)
     try:
-        with MitsubaWorker(options.time_limit) as worker, shown_stages() as show:
-            references = ReferenceCache(worker.render)
-            if len(scenes) > 1 and ours is None:
-                _warm_up(scenes.values(), options, show)
+        with (
+            shown_stages() as show,
+            validator(scenes.values(), options, show, ours) as validate,
+        ):
             for index, (name, path) in enumerate(scenes.items(), start=1):
                 place = f"{name} ({index} of {len(scenes)}): "
 
                 def progress(stage: str, place: str = place) -> None:
                     show(place + stage)
 
-                validated = validate_scene(
-                    path, options, ours or render_ours, references, progress
-                )
-                results.append(_keep(validated, name, report))
+                results.append(keep(validate(path, progress), name, report))
         _finish(results, given, report)
     except KeyboardInterrupt:
         console.print("interrupted; the scenes so far:")
@@ -75,6 +75,41 @@ def validate_scenes(
         console.print(f"lightproof-validate: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
     return exit_status(scene.verdict for scene in results)
+
+
+@contextmanager
+def validator(
+    scenes: Iterable[Path],
+    options: Options,
+    show: Callable[[str], None],
+    ours: RenderOurs | None = None,
+) -> Iterator[Validate]:
+    """Start Mitsuba, compile what several scenes need; yield what compares a scene.
+
+    Parameters
+    ----------
+    scenes
+        Files that will be compared.
+    options
+        Of all scenes.
+    show
+        Told what is being done before the first scene.
+    ours
+        Our renderer; None: the real one.
+
+    Yields
+    ------
+    Callable
+        `validate(path, progress)`, as `validate_scene`.
+    """
+    files = list(scenes)
+    with MitsubaWorker(options.time_limit) as worker:
+        references = ReferenceCache(worker.render)
+        if len(files) > 1 and ours is None:
+            _warm_up(files, options, show)
+        yield lambda path, progress: validate_scene(
+            path, options, ours or render_ours, references, progress
+        )
 
 
 def _warm_up(scenes: Iterable[Path], options: Options, show: Callable[[str], None]) -> None:
@@ -100,7 +135,7 @@ def _finish(results: list[SceneResult], given: Sequence[str], report: Path | Non
         output.print(f"wrote {path}", markup=False, soft_wrap=True)
 
 
-def _keep(validated: Validated, name: str, report: Path | None) -> SceneResult:
+def keep(validated: Validated, name: str, report: Path | None) -> SceneResult:
     """Write the pictures into the report's folder; return the result with their names."""
     if report is None:
         return replace(validated.result, name=name)

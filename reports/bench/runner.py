@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from uuid import uuid4
@@ -64,47 +65,62 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
         if request.again or study.goes_on or not _measured(case, study, run, earlier)
     ]
     store.append(name, [run])
+    if cases and not left:
+        show(f"{name}: all is measured at this commit; --again measures it again")
     faults: list[str] = []
+    whole = Bench(
+        name,
+        request.quick,
+        show,
+        request.folder,
+        request.budget,
+        request.options,
+        earlier,
+    )
     began, expected = time.monotonic(), _expected(study, request.quick)
     usual = len(study.chosen((), request.quick))
-    for number, case in enumerate(left):
-        gone = time.monotonic() - began
-        each = gone / number if number else expected / max(1, usual)
-        remaining = seconds(each * (len(left) - number))
-        place = f"{name}: {case}, {number + 1} of {len(left)}, about {remaining} left"
-        show(place)
-        clock, start = BusyClock(), time.monotonic()
-        bench = Bench(
-            name,
-            request.quick,
-            lambda stage, place=place: show(f"{place}: {stage}"),  # type: ignore[misc]
-            request.folder,
-            request.budget,
-            request.options,
-            earlier.where(case=without_paths(case)),
-        )
-        inputs = ""
-        try:
-            inputs = study.inputs(case, request.options)  # now: files may be edited later
-            for row in study.measure(case, bench):
-                store.append(name, [replace(row, study=name, run=run.run)])
-                if row.quantity == "fault":
-                    faults.append(f"{name}: {case}: {row.value}")
-        except OptionError:
-            raise
-        except Exception as error:  # whatever it is, the other cases are measured
-            sentence = str(error) if isinstance(error, ValueError) else repr(error)
-            row = Row(case=case, quantity="fault", value=sentence, study=name, run=run.run)
-            store.append(name, [row])
-            faults.append(f"{name}: {case}: {sentence}")
-        done = Done(
-            done=case,
-            run=run.run,
-            seconds=round(time.monotonic() - start, 3),
-            cores_of_other_programs=clock.others(),
-            inputs=inputs,
-        )
-        store.append(name, [done])
+    with study.session(left, whole) if left else nullcontext() as session:
+        for number, case in enumerate(left):
+            gone = time.monotonic() - began
+            each = gone / number if number else expected / max(1, usual)
+            remaining = seconds(each * (len(left) - number))
+            place = f"{name}: {case}, {number + 1} of {len(left)}, about {remaining} left"
+            show(place)
+            bench = replace(
+                whole,
+                show=lambda stage, place=place: show(f"{place}: {stage}"),  # type: ignore[misc]
+                earlier=earlier.where(case=without_paths(case)),
+                session=session,
+            )
+            faults += _measure(study, case, bench, store, run.run)
+    return faults
+
+
+def _measure(study: Study, case: str, bench: Bench, store: Store, run: str) -> list[str]:
+    """Measure a case to its end, or to what it raises; return its faults."""
+    name, faults, inputs = bench.study, [], ""
+    clock, start = BusyClock(), time.monotonic()
+    try:
+        inputs = study.inputs(case, bench.options)  # now: files may be edited later
+        for row in study.measure(case, bench):
+            store.append(name, [replace(row, study=name, run=run)])
+            if row.quantity == "fault":
+                faults.append(f"{name}: {case}: {row.value}")
+    except OptionError:
+        raise
+    except Exception as error:  # whatever it is, the other cases are measured
+        sentence = str(error) if isinstance(error, ValueError) else repr(error)
+        row = Row(case=case, quantity="fault", value=sentence, study=name, run=run)
+        store.append(name, [row])
+        faults.append(f"{name}: {case}: {sentence}")
+    done = Done(
+        done=case,
+        run=run,
+        seconds=round(time.monotonic() - start, 3),
+        cores_of_other_programs=clock.others(),
+        inputs=inputs,
+    )
+    store.append(name, [done])
     return faults
 
 

@@ -7,8 +7,10 @@ import io
 import pkgutil
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,8 @@ class Bench:
         Settings of the study that the command line gives as NAME=VALUE.
     earlier
         All rows that the study has in the store, for studies that go on.
+    session
+        What `Study.session` opened for all cases of this run.
     """
 
     study: str
@@ -51,6 +55,7 @@ class Bench:
     budget: float = 3600.0
     options: Mapping[str, str] = field(default_factory=dict)
     earlier: Table = field(default_factory=Table)
+    session: Any = None
 
     def whole(self, name: str, default: int, least: int = 1) -> int:
         """Return an option that is a whole number.
@@ -67,7 +72,9 @@ class Bench:
             )
         return int(text)
 
-    def picture(self, case: str, name: str, pixels: NDArray[np.uint8]) -> Row:
+    def picture(
+        self, case: str, name: str, pixels: NDArray[np.uint8], form: str = "png"
+    ) -> Row:
         """Write a picture for the page; return its row.
 
         Parameters
@@ -78,10 +85,13 @@ class Bench:
             Of the picture within the case; contender of the row.
         pixels
             (height, width, 3) or (height, width), sRGB.
+        form
+            "png", or "jpg" for a small picture that may lose detail.
         """
         buffer = io.BytesIO()
-        Image.fromarray(pixels).save(buffer, "PNG", optimize=True)
-        row = self.file(case, name, f"{name}.png", buffer.getvalue())
+        kind = "JPEG" if form == "jpg" else "PNG"
+        Image.fromarray(pixels).save(buffer, kind, optimize=True, quality=85)
+        row = self.file(case, name, f"{name}.{form}", buffer.getvalue())
         return replace(row, quantity="picture")
 
     def file(self, case: str, name: str, file: str, content: bytes) -> Row:
@@ -96,7 +106,7 @@ class Bench:
         content
             What it holds.
         """
-        name_of_file = re.sub(r"[^\w.+-]+", "-", f"{case}-{file}")
+        name_of_file = re.sub(r"[^\w.=+-]+", "-", f"{case}-{file}").strip("-")
         path = Path("pictures") / self.study / name_of_file
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -145,6 +155,16 @@ class Study:
     page
         "module:function" that turns the study's rows into a page; "" draws a table of each
         quantity, and a chart of each that has an axis.
+    pages
+        Instead of `page`, for a study with several pages or with records of its own:
+        "module:function" that gets (name, study, table, folder of the pages) and returns
+        the HTML of each page by its file name.
+    session
+        Opens what the cases of a run share, such as a process of Mitsuba: gets the cases
+        and the bench, returns a context manager; its value is `Bench.session`.
+    verdict
+        From the rows to one sentence that answers the study's question; it stands at the
+        top of the page and on its card of the index.
     """
 
     title: str
@@ -162,8 +182,12 @@ class Study:
     headlines: Sequence[str] = ()
     inputs: Callable[[str, Mapping[str, str]], str] = lambda case, options: ""
     options: Mapping[str, str] = field(default_factory=dict)
-    verdict: Callable[[Table], str] = lambda table: ""
     page: str = ""
+    pages: str = ""
+    session: Callable[[Sequence[str], Bench], AbstractContextManager[Any]] = (
+        lambda cases, bench: nullcontext()
+    )
+    verdict: Callable[[Table], str] = lambda table: ""
 
     def chosen(self, names: Sequence[str], quick: bool) -> list[str]:
         """Return the cases to measure.
@@ -186,6 +210,11 @@ def study_names() -> list[str]:
     """Return the names of all studies."""
     modules = pkgutil.iter_modules([str(FOLDER)])
     return [m.name.replace("_", "-") for m in modules if not m.name.startswith("_")]
+
+
+def page_file(name: str) -> str:
+    """Return the file name of a study's page."""
+    return f"{name.replace('-', '_')}.html"
 
 
 def find_study(name: str) -> Study:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from mitsuba_ref.records.verdicts import VERDICTS, Verdict
 
 NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
@@ -62,3 +64,13 @@ def judgement(passed: bool | None) -> str:
 def metric_name(key: str) -> str:
     """Return the name that people know a metric by."""
     return METRIC_NAMES.get(key, key.replace("_", " "))
+
+
+def percent(share: float | None) -> str:
+    """Return 0.0023 as "0.23 %", without a line break before the sign; a dash for None."""
+    return NOTHING if share is None else number(100.0 * share, 2) + "\u00a0%"
+
+
+def slug(text: str) -> str:
+    """Return a text as part of a file's name."""
+    return re.sub(r"[^\w.=+-]+", "-", text).strip("-.") or "unnamed"

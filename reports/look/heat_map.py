@@ -32,6 +32,12 @@ def heat_map(work: NDArray[np.int64], most: float) -> NDArray[np.uint8]:
     return _palette()[np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.int64)]
 
 
+def ramp_colours(part: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return a map (H, W) of numbers from 0, darkest, to 1, lightest, as a picture."""
+    steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)
+    return _palette()[steps]
+
+
 def ramp_uri(part: NDArray[np.float64]) -> str:
     """Return a map (H, W) of numbers from 0, darkest, to 1, lightest, as a PNG data URI."""
     steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)

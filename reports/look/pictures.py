@@ -148,6 +148,11 @@ def diverging_palette() -> NDArray[np.uint8]:
     return np.vstack([colours, NOT_FINITE]).astype(np.uint8)
 
 
+def difference_colours(difference: Difference, scale: float) -> NDArray[np.uint8]:
+    """Return a signed difference of shape (H, W) as a picture in the diverging map."""
+    return diverging_palette()[diverging_steps(difference, scale)]
+
+
 def picture_uri(shown: NDArray[np.uint8]) -> str:
     """Return an RGB picture of shape (H, W, 3) as a PNG data URI."""
     return _png_uri(Image.fromarray(shown))

@@ -19,6 +19,7 @@ FILTERS: dict[str, Filter] = {
     "seconds": formatting.seconds,
     "judgement": formatting.judgement,
     "metric_name": formatting.metric_name,
+    "percent": formatting.percent,
 }
 
 

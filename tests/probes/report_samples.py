@@ -1,4 +1,4 @@
-"""A hand-made results.json: one scene that passes, one that fails, one that stopped."""
+"""Hand-made scenes of a results.json, and the pages that the studies draw of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from reports.bench.runner import Request, run_study
+from reports.bench.store import Store
+from reports.bench.study import find_study
+from reports.command import draw
+from reports.pages.index_page import index_page
 
 SHAPE = (12, 16, 3)
 
@@ -125,6 +131,112 @@ def write_results(folder: Path, scenes: list[dict[str, Any]]) -> Path:
         "commit": "0123abc",
         "scenes": scenes,
     }
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "results.json"
     path.write_text(json.dumps(results), encoding="utf-8")
     return path
+
+
+def benchmark(**changes: Any) -> dict[str, Any]:
+    """Return a benchmark.json; `changes` replace fields."""
+    return {
+        "schema": 1,
+        "created": "2026-01-02T03:04:05Z",
+        "command": "python -m reports.benchmark",
+        "commit": "0123abc",
+        "machine": {"cpu": "Example CPU"},
+        "versions": {"python": "3.11"},
+        "scene": {"name": "cornell-box", "integrator": "path", "max_depth": 8},
+        "width": 100,
+        "height": 100,
+        "spp": 100,
+        "workers": 2,
+        "rays_per_path": 8.0,
+        "check": {
+            "passed": True,
+            "seeds": 8,
+            "spp": 16,
+            "z": [0.1, -0.5, 1.0],
+            "limit": 5.0,
+            "ours_mean": [0.25, 0.2, 0.1],
+            "reference_mean": [0.25, 0.2, 0.1],
+        },
+        "renderers": [
+            {"name": "lightproof", "seconds": [0.5, 0.4, 0.5]},
+            {"name": "mitsuba scalar_rgb", "seconds": [4.0, 4.0, 3.5]},
+            {"name": "mitsuba llvm_ad_rgb", "seconds": [], "unavailable": "no libLLVM"},
+        ],
+        "starts": {"warm": [1.5, 1.4], "cold": [31.0], "command": "python -m renderer"},
+        "targets": {"speed_ratio": 6, "warm_seconds": 2, "cold_seconds": 30},
+        **changes,
+    }
+
+
+def replay(spp: int, divergent: int = 0, **changes: Any) -> dict[str, Any]:
+    """Return one replay with so many divergent pixels, all of them listed."""
+    pixel = {
+        "y": 4,
+        "ours": [0.5, 0.25, 0.125],
+        "reference": [0.5, 0.25, 0.25],
+        "relative": 0.25,
+        "cause": "bounce 2: a shadow ray passes an edge by 3e-8",
+    }
+    pixels = SHAPE[0] * SHAPE[1]
+    return {
+        "spp": spp,
+        "seed": 0,
+        "pixels": pixels,
+        "divergent": divergent,
+        "divergent_allowed": 1,
+        "rmse": 2.5e-7,
+        "rmse_limit": 1e-5,
+        "passed": divergent <= 1,
+        "sentence": f"{pixels - divergent} of {pixels} pixels took the same paths",
+        "listed": [{"x": 3 + k, **pixel} for k in range(divergent)],
+        **changes,
+    }
+
+
+def rung(name: str, bias: float | None = 0.04, **changes: Any) -> dict[str, Any]:
+    """Return one rung that holds."""
+    return {
+        "name": name,
+        "passed": True,
+        "statistic": 1.5,
+        "limit": 4.5,
+        "p_value": 0.25,
+        "false_alarm_rate": 0.001,
+        "detectable_bias": bias,
+        "detectable": "relative bias of the whole picture",
+        "sentence": f"Rung {name} came out well.",
+        **changes,
+    }
+
+
+def proven(name: str, verdict: str = "pass", **changes: Any) -> dict[str, Any]:
+    """Return a scene with two replays, a ladder and its maps."""
+    shift = rung("registration", 1e-9, detectable="shift of the picture in pixels")
+    entry = scene(name, verdict, ladder=None)
+    files = ("replay_ours", "replay_reference", "p_map", "signed_error")
+    entry["images"] |= {kind: f"{name}/{kind}.npy" for kind in files}
+    return entry | {
+        "replay": [replay(1), replay(16)],
+        "rungs": [shift, rung("pixels", 0.5), rung("mean", 0.02)],
+        **changes,
+    }
+
+
+def compared(folder: Path, *scenes: dict[str, Any], study: str = "scenes") -> Store:
+    """Let a study take hand-made scenes, and draw its pages and the index."""
+    source = write_results(folder / "harness", list(scenes))
+    store, found = Store(folder / "data", folder / "none"), find_study(study)
+    cases = [entry["name"] for entry in scenes]
+    options = {"from": str(source)}
+    request = Request(store, [study], cases=cases, options=options, folder=folder)
+    run_study(study, found, request, lambda stage: None)
+    draw(study, found, store, folder)
+    tables = {
+        one: (find_study(one), store.read(one)) for one in dict.fromkeys(["scenes", study])
+    }
+    (folder / "index.html").write_text(index_page(tables, folder), encoding="utf-8")
+    return store

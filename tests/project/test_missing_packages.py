@@ -70,7 +70,7 @@ def test_the_installed_commands_say_one_line(run, script):
     assert re.fullmatch(SAID, finished.stderr), finished.stderr
 
 
-@pytest.mark.parametrize("words", [("mitsuba_ref",), ("reports.proof", "--help")])
+@pytest.mark.parametrize("words", [("mitsuba_ref",), ("reports", "--help")])
 def test_modules_that_are_run_say_one_line(run, words):
     finished = run("-m", *words, sitecustomize=BLOCKED)
     assert finished.returncode == 1 and finished.stdout == ""
@@ -120,7 +120,7 @@ def test_every_command_of_the_harness_says_it(run):
 @pytest.mark.parametrize(
     ("package", "text", "reason"),
     [
-        ("msgspec", "", "ImportError: cannot import name 'Meta' from 'msgspec'"),
+        ("jinja2", "", "ImportError: cannot import name 'Environment' from 'jinja2'"),
         ("plotly", "__path__ = []\n", "No module named 'plotly."),
         ("jinja2", "1 / 0\n", "ZeroDivisionError: division by zero"),
         ("jinja2", "import no_such_thing\n", "No module named 'no_such_thing'"),

@@ -2,76 +2,43 @@
 
 from __future__ import annotations
 
-import dataclasses
-import importlib
-import re
-from pathlib import Path
+import json
 
 import pytest
-from report_samples import scene, write_results
-from reports.speed_accuracy.page import speed_accuracy_page
+from report_samples import compared, scene
 
-import reports
 from mitsuba_ref.records import other_programs
 from mitsuba_ref.records.machine import describe_machine
 from mitsuba_ref.records.other_programs import KEY, busy_sentence, cores_of_other_programs
-from reports.bench.rows import Table
 from reports.bench.store import Store
 from reports.bench.study import find_study
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
+from reports.pages.index_page import index_page
 
 BUSY, QUIET = {"cores": 2, KEY: 1.7}, {"cores": 2, KEY: 0.1}
-TEMPLATES = Path(reports.__file__).parent / "templates"
 
 
 def index(folder, machine):
-    path = write_results(folder, [scene("one", "pass")])
-    results = read_results(path)
-    object.__setattr__(results, "machine", machine)
-    return results_page(results, folder)
+    compared(folder, scene("one", "pass"))
+    path = folder / "data/scenes.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    for line in lines:
+        if "done" in line:
+            line["cores_of_other_programs"] = machine.get(KEY)
+        if "created" in line:
+            line["machine"] = {"cores": 2}
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    table = Store(folder / "data", folder / "none").read("scenes")
+    return index_page({"scenes": (find_study("scenes"), table)}, folder)
 
 
-def page_of(name, machine):
-    """Return the page of a study whose kept runs were on that machine."""
-    study, kept = find_study(name), Store(Path("nowhere")).everything(name)
-    runs = {
-        key: dataclasses.replace(run, machine=machine) for key, run in kept.runs.items()
-    }
-    module, _, function = study.page.partition(":")
-    draw = getattr(importlib.import_module(module), function)
-    return draw(name, study, Table(kept.rows, runs, kept.done))
-
-
-PAGES = {
-    "index": index,
-    "needs": lambda _, machine: page_of("needs", machine),
-    "soak": lambda _, machine: page_of("soak", machine),
-    "speed_accuracy": lambda _, machine: speed_accuracy_page(curves(machine=machine)),
-}
-
-
-@pytest.mark.parametrize("page", PAGES.values(), ids=PAGES)
-def test_the_notice_is_the_first_thing_under_the_title(page, tmp_path):
-    busy = page(tmp_path, BUSY)
-    under = busy.partition("</h1>")[2].lstrip()
+def test_the_index_says_under_its_title_that_the_machine_was_busy(tmp_path):
+    """In the worst of its cases."""
+    busy = index(tmp_path / "busy", BUSY)
+    under = busy.partition("</h1>")[2].lstrip().removeprefix("<div>").lstrip()
     assert under.startswith('<p class="banner warning" role="note">⚠ The machine was busy')
     assert "other programs took 1.7 of its 2 cores" in under
-    assert "was busy" not in page(tmp_path, QUIET)
-    assert "was busy" not in page(tmp_path, {"cores": 2})  # a file of before
-
-
-def test_every_page_that_tells_its_machine_tells_that_it_was_busy():
-    """A page that is added later is asked for it here; a history has many machines."""
-    pages = [
-        path
-        for path in TEMPLATES.rglob("*.html")
-        if "<h1>" in (text := path.read_text()) and "provenance(" in text
-    ]
-    assert len(pages) >= 8
-    for path in pages:
-        text = path.read_text()
-        assert re.search(r"</h1>\n\{\{ busy_notice\(", text), path.name
+    assert "was busy" not in index(tmp_path / "quiet", QUIET)
+    assert "was busy" not in index(tmp_path / "unknown", {})
 
 
 def process(folder, pid, parent, *ticks, name="python"):
@@ -94,7 +61,9 @@ def test_own_work_and_that_of_descendants_is_not_of_others(tmp_path, monkeypatch
     process(tmp_path, own + 2, own + 1, 0, 0, tick, tick)
     process(tmp_path, own + 3, 1, 6 * tick, 0, 0, 0)
     monkeypatch.setattr(other_programs, "PROC", tmp_path)
-    monkeypatch.setattr(other_programs, "_BEGIN", other_programs._Times(0.0, 0.0, 0.0))
+    monkeypatch.setattr(
+        other_programs._SINCE_IMPORT, "_begin", other_programs._Times(0.0, 0.0, 0.0)
+    )
     monkeypatch.setattr(other_programs.time, "monotonic", lambda: 10.0)
     assert cores_of_other_programs() == pytest.approx(0.6)
 

@@ -9,22 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
 from reports import command
 from reports.bench.rows import Done, Row, Run, Table
-from reports.bench.store import Store
+from reports.bench.store import MEASURED, Store
 from reports.bench.study import Study
 from reports.bench.without_paths import without_paths
-from reports.errors import ReportError
 from reports.pages.history_page import MOST, curves_of, history_page
-from reports.records import measured
-from reports.records.measured import newest
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
 
-REPOSITORY = Path(measured.__file__).parents[1] / "measured"
+REPOSITORY = MEASURED
 KEPT = sorted([*REPOSITORY.glob("*.json"), *REPOSITORY.glob("*.jsonl")])
 
 
@@ -36,21 +30,6 @@ def write(path: Path, content: Any) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content))
     return path
-
-
-def test_the_newer_of_two_records_is_read(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(measured, "MEASURED", tmp_path / "kept")
-    mine, theirs = tmp_path / "out" / "a.json", tmp_path / "kept" / "a.json"
-    assert newest(mine) == mine  # neither is there
-    write(theirs, record(2))
-    assert newest(mine) == theirs
-    write(mine, record(1))
-    assert newest(mine) == theirs
-    write(mine, record(3))
-    assert newest(mine) == mine
-    theirs.write_text("{")
-    with pytest.raises(ReportError, match=r"kept/a\.json: no record"):
-        newest(mine)
 
 
 @pytest.mark.parametrize(
@@ -207,21 +186,3 @@ def test_pictures_of_a_quick_run_stand_beside_kept_numbers(tmp_path: Path) -> No
 
 
 # ----------------------------------------------------------------- the repository's own
-
-
-def test_a_fresh_clone_shows_the_repositorys_mutations(tmp_path: Path, monkeypatch) -> None:
-    """`make proof` measures neither mutations nor false alarms."""
-    from reports.proof_page.record import MATRIX, read_matrix
-
-    monkeypatch.setattr(measured, "MEASURED", REPOSITORY)
-    found = newest(tmp_path / "data" / MATRIX)
-    assert found == REPOSITORY / MATRIX
-    assert len(read_matrix(found).rows) > 50
-
-
-def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
-    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    page = results_page(results, tmp_path, soak="1 fault open", history=True)
-    assert 'href="soak.html"' in page and 'href="history.html"' in page
-    assert "1 fault open." in page
-    assert "soak.html" not in results_page(results, tmp_path)

@@ -1,105 +1,114 @@
-"""`python -m reports` runs the harness, then draws what the harness wrote, and no more."""
+"""`python -m reports`: default study, exit statuses, what an interrupt leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from contextlib import contextmanager
 
+import numpy as np
 import pytest
-from report_samples import scene, write_results
+from report_samples import scene, stopped_scene, write_results
 
-from reports.commands import report as cli
-
-Harness = Callable[[list[str]], int]
-
-
-def harness_that(
-    status: int, verdict: str | None, calls: list[list[str]] | None = None
-) -> Harness:
-    """A harness that writes one scene (none without a verdict) and ends with `status`."""
-
-    def run(arguments: list[str]) -> int:
-        if calls is not None:
-            calls.append(arguments)
-        if verdict is not None:
-            report = Path(arguments[arguments.index("--report") + 1])
-            write_results(report, [scene("one", verdict)])
-        return status
-
-    return run
+from mitsuba_ref.command.validation import Validated
+from reports import command
+from reports.bench.store import Store
+from reports.look.results import read_results
+from reports.trials import compared_scenes
 
 
 @pytest.fixture(autouse=True)
-def no_further_studies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take minutes; what they have to do with this command is tested beside them."""
-    monkeypatch.setattr(cli, "make_proof", lambda *_: 0)
+def few_studies(monkeypatch):
+    """The index of a test has these alone; others may have rows in the repository."""
+    monkeypatch.setattr(command, "study_names", lambda: ["scenes", "proof"])
 
 
-def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[list[str]] = []
-    monkeypatch.setattr(cli.harness, "main", harness_that(0, "pass", calls))
-    assert cli.main(["--out", str(tmp_path), "scenes/a", "--size", "test"]) == 0
-    assert cli.main(["--out", str(tmp_path), "--no-ladder"]) == 0
-    data = str(tmp_path / "data")
-    noisy = ["--checks", "statistics"]
-    assert calls == [
-        ["scenes/a", "--report", data, "--size", "test", *noisy, "--ladder"],
-        ["--report", data, "--size", "demo", *noisy],
-    ]
+def run(folder, *scenes, words=()):
+    source = write_results(folder / "harness", list(scenes))
+    cases = [word for entry in scenes for word in ("--case", entry["name"])]
+    out = ["--out", str(folder / "out"), "--set", f"from={source}"]
+    return command.main([*words, *cases, *out])
 
 
 @pytest.mark.parametrize(
-    "beside",
-    [["scenes/a"], ["--size", "demo"], ["--ladder"], ["--no-ladder"], ["--proof"]],
-    ids=" ".join,
+    ("verdicts", "status"),
+    [
+        (["pass"], 0),
+        (["pass", "fail"], 1),
+        (["not-finite"], 3),
+        (["not-finite", "fail"], 1),
+    ],
 )
-def test_from_takes_nothing_that_only_a_render_could_obey(
-    capsys: pytest.CaptureFixture[str], beside: list[str]
-) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        cli.main(["--from", "results.json", *beside])
-    assert stopped.value.code == 2
-    assert "--from draws old results" in capsys.readouterr().err
+def test_status_is_that_of_the_most_severe_verdict(tmp_path, capsys, verdicts, status):
+    """Without a study, it is that of scenes; the pages are drawn and named either way."""
+    made = [scene(f"s{index}", verdict) for index, verdict in enumerate(verdicts)]
+    assert run(tmp_path, *made) == status
+    assert str(tmp_path / "out/index.html") in capsys.readouterr().out
+    assert (tmp_path / "out/scene_s0.html").exists()
+    assert (tmp_path / "out/plotly.js").exists()
+    # old rows, drawn again
+    assert command.main(["--draw", "--out", str(tmp_path / "out")]) == status
 
 
 @pytest.mark.parametrize(
-    ("status", "verdict", "expected"),
-    [(0, "pass", 0), (1, "fail", 1), (1, "error", 1), (130, "pass", 130)],
+    ("words", "said"),
+    [
+        (["--case", "no-such-scene"], "no such file; names of scenes are analytic-shapes"),
+        (["--set", "size=huge"], "possible are demo, test"),
+        (["--set", "color=red"], "has no option 'color'"),
+        (["proof", "--set", "seeds=2"], "expected 8 or more"),
+        (["--set", "from=nowhere.json"], "nowhere.json: cannot be read"),
+        (["no-such-study"], "no-such-study"),
+    ],
 )
-def test_page_is_drawn_whatever_the_scenes_say(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    status: int,
-    verdict: str,
-    expected: int,
-) -> None:
-    """A failing scene, and Ctrl-C after the first one, still leave a page to look at."""
-    monkeypatch.setattr(cli.harness, "main", harness_that(status, verdict))
-    assert cli.main(["--out", str(tmp_path)]) == expected
-    assert "Title of one" in (tmp_path / "index.html").read_text(encoding="utf-8")
+def test_what_cannot_be_done_is_one_line_and_status_2(tmp_path, capsys, words, said):
+    assert command.main([*words, "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()[-1:]
+    assert said in line
+    assert not (tmp_path / "out/index.html").exists()
 
 
-@pytest.mark.parametrize("status", [2, 130])
-def test_old_results_are_not_shown_as_new(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: int
-) -> None:
-    """The harness stopped before it wrote anything: yesterday's page is not drawn anew."""
-    write_results(tmp_path / "data", [scene("yesterday", "pass")])
-    monkeypatch.setattr(cli.harness, "main", harness_that(status, None))
-    assert cli.main(["--out", str(tmp_path)]) == status
-    assert not (tmp_path / "index.html").exists()
+def test_a_scene_that_the_file_lacks_is_one_line(tmp_path, capsys):
+    source = write_results(tmp_path, [scene("there", "pass")])
+    words = ["--case", "gone", "--set", f"from={source}", "--out", str(tmp_path / "out")]
+    assert command.main(words) == 2
+    assert "no scene 'gone'; there are --case there" in capsys.readouterr().err
 
 
-def test_page_cannot_be_greener_than_the_harness(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Status 1 of the harness stays 1 even if every scene in the file passes."""
-    monkeypatch.setattr(cli.harness, "main", harness_that(1, "pass"))
-    assert cli.main(["--out", str(tmp_path)]) == 1
+def test_an_interrupt_leaves_the_scenes_so_far(tmp_path, monkeypatch, capsys):
+    """The harness compares in one process for all scenes; the second is interrupted."""
+    results = read_results(
+        write_results(tmp_path, [scene("cornell-box", "pass"), stopped_scene("bumps")])
+    ).scenes
+    done = []
+
+    @contextmanager
+    def validator(files, options, show):
+        assert len(files) == 2 and options.checks == "statistics" and options.ladder
+
+        def validate(path, progress):
+            if done:
+                raise KeyboardInterrupt
+            done.append(path)
+            grey = np.full((12, 16, 3), 0.5, np.float32)
+            pixels = {"ours": grey, "reference": grey}
+            return Validated(results[0], pixels)
+
+        yield validate
+
+    monkeypatch.setattr(compared_scenes, "validator", validator)
+    words = ["scenes", "--case", "cornell-box", "--case", "bumps"]
+    out = tmp_path / "out"
+    assert command.main([*words, "--out", str(out)]) == 130
+    said = capsys.readouterr()
+    assert "interrupted, what ended is stored" in said.err
+    assert "cornell-box" in said.out and "verdict" in said.out  # the harness's table
+    assert Store(out / "data").read("scenes").distinct("case") == ["cornell-box"]
+    assert (out / "scene_cornell-box.html").exists()
+    assert (out / "data/scenes/cornell-box/results.json").exists()
 
 
-def test_unknown_option_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_the_statuses_of_verdicts(capsys):
     with pytest.raises(SystemExit) as stopped:
-        cli.main(["--speed", "9"])
-    assert stopped.value.code == 2
-    assert "--speed" in capsys.readouterr().err
+        command.main(["--help"])
+    said = capsys.readouterr().out
+    assert stopped.value.code == 0
+    assert "8  refused-by-us:" in said and "130  interrupted" in said

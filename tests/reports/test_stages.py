@@ -110,11 +110,11 @@ def test_commands_say_something_before_their_imports() -> None:
     program = (
         "import sys\n"
         "import reports.starting\n"
-        "import reports.cli, reports.proof\n"
+        "import reports.__main__\n"
         "heavy = {'numpy', 'numba', 'rich', 'msgspec', 'jinja2', 'plotly'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
         "sys.argv[1:] = ['--no-such-option']\n"
-        "reports.starting.run('reports.commands.report')\n"
+        "reports.__main__.main()\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True

@@ -1,13 +1,13 @@
 """Rays from inside of closed meshes: one that meets nothing has leaked.
 
-Neighbouring triangles do not share their edge exactly (study `limits`, row edges-ours), so that
-a ray which passes nearer to an edge than rounding may be lost. Such a ray is counted, and is
-no fault. A *leak* is a ray that is lost although it meets a triangle whatever the rounding
-of the test, or comes near none (`hit_certainty`), or that one structure loses and another
-does not: all structures trace the same rays. Half of the rays go anywhere; the others are
-aimed past an edge or a vertex, at distances from 10^-8 to 10^-2 of the edge's length. A ray
-that leaks and meets the mesh again from outside, as it may in the ring, is not noticed; the
-balls have few such places.
+Neighbouring triangles do not share their edge exactly (study `limits`, row edges-ours),
+so that a ray which passes nearer to an edge than rounding may be lost. Such a ray is
+counted, and is no fault. A *leak* is a ray that is lost although it meets a triangle
+whatever the rounding of the test, or comes near none (`hit_certainty`), or that one
+structure loses and another does not: all structures trace the same rays. Half of the rays
+go anywhere; the others are aimed past an edge or a vertex, at distances from 10^-8 to
+10^-2 of the edge's length. A ray that leaks and meets the mesh again from outside, as it
+may in the ring, is not noticed; the balls have few such places.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from mitsuba_ref.reference.errors import (
 from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from mitsuba_ref.replay import replay_scene
-from reports.records.results import read_results
+from reports.look.results import read_results
 from tests.probes import canned_renderers
 
 CANNED = "tests.probes.canned_renderers"

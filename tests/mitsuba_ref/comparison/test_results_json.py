@@ -21,7 +21,7 @@ from mitsuba_ref.records.results import (
     Seconds,
 )
 from mitsuba_ref.records.verdicts import CURRENT, exit_status
-from reports.records.results import read_results
+from reports.look.results import read_results
 
 
 def example(**changes: object) -> Results:

@@ -11,7 +11,7 @@ from mitsuba_stand_in import stand_in, write_scene
 
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.speed.speed_against_accuracy import rungs
-from reports.records.results import read_results
+from reports.look.results import read_results
 
 
 @pytest.fixture(autouse=True)

@@ -16,7 +16,7 @@ from mitsuba_ref.statistics.convergence import (
     fit,
     measure_convergence,
 )
-from reports.records.results import read_results
+from reports.look.results import read_results
 
 
 def test_exponent_of_a_straight_line():

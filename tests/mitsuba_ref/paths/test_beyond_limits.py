@@ -37,7 +37,7 @@ from mitsuba_ref.replay.beyond_limits import (
 from mitsuba_ref.replay.paths.path_from_reference_rays import EXACT, STEPS, LedPath
 from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.rendering.planning import plan
-from reports.records.results import contradicted
+from reports.look.results import contradicted
 
 ROOT = PACKAGE.parent
 

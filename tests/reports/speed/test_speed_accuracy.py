@@ -15,6 +15,8 @@ import pytest
 from closed_room import CLOSED_ROOM
 from drawn_charts import figures, guides, points
 from report_samples import scene, write_results
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
 from speed_accuracy_sample import OURS, PEER, box, noisy, room, still, table
 
 import renderer
@@ -37,8 +39,6 @@ from reports.pages.speed_accuracy_page import (
     noisy_scenes,
     speed_accuracy_page,
 )
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
 from reports.studies import speed_accuracy as study
 from reports.trials import noiseless, timed_renderers
 from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene

@@ -1,1 +1,0 @@
-"""What the commands do: measure, write the records, draw the pages."""

@@ -1,1 +1,0 @@
-"""For `limits`, until it is a study; see `studies.moving_scene`."""

@@ -1,1 +1,0 @@
-"""The page of what the scenes prove, and how far to trust it."""

@@ -1,1 +1,0 @@
-"""JSON files read into frozen records, with the place of every mistake."""

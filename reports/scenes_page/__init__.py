@@ -1,1 +1,0 @@
-"""The page of all scenes: both renderers' pictures side by side."""

@@ -1,1 +1,0 @@
-"""Seconds of both renderers, measured in turn, and their page."""

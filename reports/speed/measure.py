@@ -1,3 +1,0 @@
-"""Moved to `reports.trials.contenders`; goes with `reports.speed_accuracy`."""
-
-from reports.trials.contenders import *  # noqa: F403
