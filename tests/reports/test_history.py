@@ -221,7 +221,7 @@ def test_a_fresh_clone_shows_the_repositorys_mutations(tmp_path: Path, monkeypat
 
 def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
     results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    page = results_page(results, tmp_path, soak="1 fault open.", history=True)
+    page = results_page(results, tmp_path, soak="1 fault open", history=True)
     assert 'href="soak.html"' in page and 'href="history.html"' in page
     assert "1 fault open." in page
     assert "soak.html" not in results_page(results, tmp_path)
