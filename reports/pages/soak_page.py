@@ -77,7 +77,7 @@ class Soaked:
     def verdict(self) -> str:
         """What the page says first."""
         faults = "1 fault" if self.open == 1 else f"{self.open} faults"
-        return f"{faults} open, {self.mended} found and mended"
+        return f"{faults} open, {self.mended} found and mended."
 
 
 def soaked(study: Study, table: Table) -> Soaked:
