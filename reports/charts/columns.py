@@ -1,8 +1,7 @@
-"""Columns: counted values beside expected ones, and values of a few kinds of things."""
+"""Columns: counted values and expected ones."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,13 +10,9 @@ from markupsafe import Markup
 
 from reports.charts.figure import (
     COLOURS,
-    Series,
-    category_axis,
     element,
     linear_axis,
-    log_axis,
     marks,
-    plain,
 )
 
 HEIGHT = 300  # [px]
@@ -76,59 +71,4 @@ def histogram_chart(
         y=linear_axis(rangemode="tozero"),
         height=HEIGHT,
         description=description,
-    )
-
-
-def volumes_chart(
-    columns: Sequence[tuple[str, str]],
-    series: Sequence[Series],
-    *,
-    y_label: str,
-    description: str,
-) -> Markup:
-    """Draw one column for each volume and one marker in it for each object.
-
-    Parameters
-    ----------
-    columns
-        Two short lines of text under each column.
-    series
-        One for each object; the x of a point is the number of its column, its y >= 1.
-    y_label, description
-        What the logarithmic axis means; what the chart shows, for a screen reader.
-
-    Raises
-    ------
-    ValueError
-        If there is no point, or one that has no place.
-    """
-    points = [point for one in series for point in one.points]
-    if not points:
-        raise ValueError("a chart needs at least one point")
-    for point in points:
-        if point.x not in range(len(columns)) or not 1.0 <= point.y < math.inf:
-            raise ValueError(
-                f"({point.x}, {point.y}) has no place in {len(columns)} columns"
-            )
-    titles = [f"{plain(name)}<br>{plain(note)}" for name, note in columns]
-    traces = [
-        marks(
-            index,
-            one.name,
-            mode="markers",
-            x=[titles[int(point.x)] for point in one.points],
-            y=[point.y for point in one.points],
-            hovertext=[plain(point.tooltip or one.name) for point in one.points],
-        )
-        for index, one in enumerate(series)
-    ]
-    highest = math.log10(1.3 * max(2.0, *(point.y for point in points)))
-    return element(
-        traces,
-        x=category_axis(titles),
-        # from 1: nothing is let through that does not hit
-        y=log_axis(y_label, range=[math.log10(0.93), highest]),
-        height=HEIGHT,
-        description=description,
-        scattermode="group",  # side by side, so that equal heights do not hide each other
     )

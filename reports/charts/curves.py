@@ -1,4 +1,4 @@
-"""Curves over two axes: speed against accuracy, growth, the progress of a motion."""
+"""Curves over two axes: speed against accuracy, growth."""
 
 from __future__ import annotations
 
@@ -74,33 +74,6 @@ def log_log_chart(
     return element(traces, x=x, y=y, height=height, description=description)
 
 
-def progress_chart(series: Sequence[Series], *, y_label: str, description: str) -> Markup:
-    """Draw ratios over the progress of motions, in per cent; the ratio is logarithmic.
-
-    Parameters
-    ----------
-    series
-        One a motion: x from 0 to 100, y finite and above 0.
-    y_label, description
-        What the ratio is of; what the chart shows, for a screen reader.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to draw, or a ratio that has no logarithm.
-    """
-    _checked(series, x_from=-1.0)
-    level = _guide([0.0, 100.0], [1.0, 1.0])  # where both ways cost the same
-    x = linear_axis("per cent of the motion", range=[-2, 102])
-    return element(
-        [level, *_curves(series)],
-        x=x,
-        y=log_axis(y_label),
-        height=HEIGHT,
-        description=description,
-    )
-
-
 def line_chart(
     series: Sequence[Series], *, x_label: str, y_label: str, description: str, **x: Any
 ) -> Markup:
@@ -129,12 +102,12 @@ def line_chart(
     )
 
 
-def _checked(series: Sequence[Series], x_from: float = 0.0) -> list[Point]:
+def _checked(series: Sequence[Series]) -> list[Point]:
     points = [point for one in series for point in one.points]
     if not points:
         raise ValueError("a chart needs at least one point")
     for point in points:
-        if not (x_from < point.x < math.inf and 0.0 < point.y < math.inf):
+        if not (0.0 < point.x < math.inf and 0.0 < point.y < math.inf):
             raise ValueError(f"({point.x}, {point.y}) has no place on logarithmic axes")
     return points
 

@@ -86,6 +86,7 @@ def accelerators_page(name: str, study: Study, table: Table) -> str:
         },
         stopped=[row for row in table if row.quantity == "stopped"],
         kinds=KINDS,
+        best=_best(rows, cases),
         meshes=[
             (case, rows.value(case, "", "triangles"), _lines(rows, case)) for case in cases
         ],
@@ -185,6 +186,17 @@ def _lines(rows: Rows, case: str) -> list[Line]:
             )
         )
     return sorted(lines, key=lambda line: line.one[2] or math.inf)
+
+
+def _best(rows: Rows, cases: list[str]) -> tuple[str, float | None, str, float] | None:
+    """Return (largest mesh, triangles, fastest structure, times as fast as brute force)."""
+    for case in cases:
+        lines = [line for line in _lines(rows, case) if not line.is_peer and line.one[2]]
+        brute = rows.value(case, BRUTE, "diffuse rays")
+        if lines and brute and lines[0].one[2]:
+            times = brute / lines[0].one[2]
+            return case, rows.value(case, "", "triangles"), lines[0].name, times
+    return None
 
 
 def _work(rows: Rows, case: str) -> list[tuple[str, list[float | None]]]:

@@ -24,29 +24,22 @@ Rows = NDArray[np.float32]  # (n, 3)
 
 
 class RayKind(NamedTuple):
-    """How one kind of rays is traced, and what it is called."""
+    """How one kind of rays is traced."""
 
-    title: str
     coherent: bool  # 16 in a row go the same way
-    any_hit: bool  # asks only whether something is in the way
-    about: str
+    any_hit: bool  # whether something is in the way is all that is wanted
 
 
 RAY_KINDS = {
-    "camera": RayKind("camera", True, False, "through neighbouring pixels, nearest hit"),
-    "shadow": RayKind("shadow", True, True, "from their hits to one point light, any hit"),
-    "shadow_nearest": RayKind(
-        "shadow (nearest)", True, False, "the shadow rays, asked for the nearest hit"
-    ),
-    "diffuse": RayKind(
-        "diffuse", False, False, "from their hits in directions by the cosine, nearest hit"
-    ),
-    "random": RayKind(
-        "random",
-        False,
-        False,
-        "from anywhere in the ball around the mesh, in all directions",
-    ),
+    # through neighbouring pixels
+    "camera": RayKind(True, False),
+    # from their hits to one point light
+    "shadow": RayKind(True, True),
+    "shadow_nearest": RayKind(True, False),
+    # from their hits, distributed by the cosine
+    "diffuse": RayKind(False, False),
+    # from anywhere in the ball around the mesh in any direction
+    "random": RayKind(False, False),
 }
 
 
@@ -153,7 +146,7 @@ def hit_points(
     towards = direction[hit].astype(np.float64)
     normal *= np.where(np.sum(normal * towards, axis=1) > 0.0, -1.0, 1.0)[:, None]
     position = origin[hit] + t[hit, None].astype(np.float64) * towards
-    # Far enough off the surface that rounding in nobody's test lets a ray hit where it
+    # Far enough off the surface that rounding in no test lets a ray hit where it
     # starts: a ten thousandth of the way, and 256 units in the last place.
     off = np.maximum(1e-4 * t[hit], 2.0**-16 * np.abs(position).max(axis=1))
     return HitPoints(position + off[:, None] * normal, normal)

@@ -74,7 +74,7 @@ class _Work(NamedTuple):
     structure: int  # address of the record that it works on
     rays: RayBatches
     answers: Any  # Hits, or (batches, stride) int32 blocked
-    ends: bool  # whether rays end at their t_max where the nearest hit is asked for
+    ends: bool  # whether rays end at their t_max in a query for the nearest hit
     chosen: NDArray[np.int64]  # numbers of batches
     tally: Any  # None or (batches, ROWS, stride)
 
@@ -173,7 +173,7 @@ def _loop_over(
 def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1) -> float:
     """Trace the chosen batches; return the seconds it took.
 
-    The answers are in `query.blocked` for a kind that asks for any hit, else in
+    The answers are in `query.blocked` for a kind that looks for any hit, else in
     `query.hits`.
     """
     loop = _loop_over(accel, query, chosen, RAY_KINDS[query.kind].coherent, None)

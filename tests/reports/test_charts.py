@@ -13,8 +13,8 @@ from drawn_charts import curves, figure, figures, guides, points
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.charts.columns import Bin, histogram_chart, volumes_chart
-from reports.charts.curves import log_log_chart, progress_chart
+from reports.charts.columns import Bin, histogram_chart
+from reports.charts.curves import log_log_chart
 from reports.charts.figure import COLOURS, Point, Series
 from reports.charts.rows import dots_chart
 
@@ -106,8 +106,6 @@ def test_tooltip_label_and_names_are_escaped() -> None:
 def test_values_without_a_logarithm_are_refused(value: float) -> None:
     with pytest.raises(ValueError, match="no place on logarithmic axes"):
         drawn(Series("ours", (Point(1.0, value),)))
-    with pytest.raises(ValueError, match="no place on logarithmic axes"):
-        progress_chart([Series("ours", (Point(1.0, value),))], y_label="y", description="d")
     with pytest.raises(ValueError, match="above 0"):
         dots_chart([("tree", {"a": value})], ["a"], x_label="x", description="d")
 
@@ -115,8 +113,6 @@ def test_values_without_a_logarithm_are_refused(value: float) -> None:
 def test_no_points_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one point"):
         drawn(Series("ours", ()))
-    with pytest.raises(ValueError, match="at least one point"):
-        progress_chart([], y_label="y", description="d")
 
 
 def test_dots_have_a_row_for_each_name_in_their_order() -> None:
@@ -145,18 +141,3 @@ def test_bars_and_the_expected_line_share_an_axis() -> None:
     assert expected["x"] == [0.0, 0.5, 1.5, 2.5, 3.0]
     assert set(expected["y"]) == {25.0}
     assert chart["layout"]["yaxis"]["rangemode"] == "tozero"
-
-
-def test_volumes_stand_in_their_columns() -> None:
-    series = [Series("ball", (Point(1, 3.0), Point(0, 1.0)))]
-    columns = [("AABB", "2 ns"), ("OBB", "9 ns")]
-    chart = figure(volumes_chart(columns, series, y_label="y", description="d"))
-    assert points(chart["data"][0]) == [("OBB<br>9 ns", 3.0), ("AABB<br>2 ns", 1.0)]
-    assert chart["layout"]["xaxis"]["categoryarray"] == ["AABB<br>2 ns", "OBB<br>9 ns"]
-
-
-@pytest.mark.parametrize("places", [(), (Point(2, 3.0),), (Point(0, 0.5),)])
-def test_volumes_without_a_place_are_refused(places: tuple[Point, ...]) -> None:
-    columns = [("a", "1"), ("b", "2")]
-    with pytest.raises(ValueError, match=r"point|place"):
-        volumes_chart(columns, [Series("x", places)], y_label="", description="")

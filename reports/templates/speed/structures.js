@@ -1,6 +1,6 @@
 "use strict";
 // The 3-D look into the structures, and the walk of one ray, step by step.
-// Files beside the page call structureFile(name, data); see reports/trials/inside.py.
+// Files of the page's folder call structureFile(name, data); see reports/trials/inside.py.
 (() => {
   const look = document.getElementById("look");
   const part = (name) => document.querySelector(`[data-part=${name}]`);

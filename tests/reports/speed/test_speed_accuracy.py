@@ -14,9 +14,6 @@ import numpy as np
 import pytest
 from closed_room import CLOSED_ROOM
 from drawn_charts import figures, guides, points
-from report_samples import scene, write_results
-from reports.records.results import read_results
-from reports.scenes_page.page import results_page
 from speed_accuracy_sample import OURS, PEER, box, noisy, room, still, table
 
 import renderer
@@ -235,13 +232,6 @@ def test_a_structure_with_another_picture_is_a_fault_on_top():
 
 def test_an_exact_picture_has_a_place_on_a_logarithmic_axis(page):
     assert any(points(trace) == [(0.1, 1e-9)] for trace in figures(page)[3]["data"])
-
-
-def test_the_page_of_all_scenes_says_how_it_stands(tmp_path):
-    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
-    page = results_page(results, tmp_path, curves=table())
-    assert "1 times as fast to the same error" in page
-    assert 'href="speed_accuracy.html"' not in results_page(results, tmp_path)
 
 
 def test_the_page_loads_nothing(page):
