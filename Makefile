@@ -9,8 +9,7 @@ OUT := reports/out
 # Set in many containers; here some hundred processes would compile 400 files each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help kernels wheel demo proof proof-full limits resilience scaling test test-all lint \
-  format bench bench-accelerators charts needs soak keep history clean
+.PHONY: help kernels wheel demo studies docs test test-all lint clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -23,20 +22,11 @@ kernels: $(INSTALLED) ## compile all kernels once, with all processors
 wheel: $(INSTALLED) ## build a wheel with compiled kernels for x86-64-v3 and -v4 (long)
 	@$(BIN)/python build_wheel.py dist
 
-demo: kernels ## render every scene in both renderers, write the HTML page
-	@$(BIN)/python -m reports --no-accelerators --no-proof --out $(OUT)
+demo: kernels ## render every scene in both renderers, draw the pages
+	@$(BIN)/python -m reports scenes --out $(OUT)
 
-proof: $(INSTALLED) ## replay and test every scene, write what it proves as a page
-	@$(BIN)/python -m reports.proof --out $(OUT)
-
-proof-full: $(INSTALLED) ## the same with the mutation matrix and false alarms (long)
-	@$(BIN)/python -m reports.proof --mutations --false-alarms --out $(OUT)
-
-limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
-	@$(BIN)/python -m reports.limits --out $(OUT)
-
-resilience: $(INSTALLED) ## kill a render, resume it on a cluster, compare the files
-	@$(BIN)/python -m reports.resilience
+studies: kernels ## measure every study (a night), draw the pages; goes on where it was
+	@$(BIN)/python -m reports all --out $(OUT)
 
 test: kernels ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
@@ -50,37 +40,9 @@ lint: $(INSTALLED) ## style, format, types, the import contract
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-format: $(INSTALLED) ## let ruff mend what it can; lines and picture of the docs
-	@$(BIN)/ruff check --fix .
-	@$(BIN)/ruff format .
+docs: $(INSTALLED) ## refresh lines and pictures of the docs that come from the code
 	@$(BIN)/python docs/lecture_lines.py
 	@$(BIN)/python docs/draw_architecture.py
-
-bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, on two scenes
-	@$(BIN)/python -m reports.benchmark --out $(OUT)
-	@$(BIN)/python -m reports.benchmark --scene rough-materials --no-cold \
-	  --out $(OUT)/materials
-
-bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
-	@$(BIN)/python -m reports.accelerators --full --out $(OUT)
-
-charts: $(INSTALLED) ## measure seconds against error of all contenders, write the page
-	@$(BIN)/python -m reports.speed_accuracy --out $(OUT)
-
-scaling: $(INSTALLED) ## measure clusters against threads, simulate up to 1000 workers
-	@$(BIN)/python -m reports.scaling --out $(OUT)
-
-needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
-	@$(BIN)/python -m reports.needs all --out $(OUT)
-
-soak: $(INSTALLED) ## look for what is rare, an hour a trial; goes on from run to run
-	@$(BIN)/python -m reports.soak --out $(OUT)
-
-keep: $(INSTALLED) ## copy what was measured whole to reports/measured, to be committed
-	@$(BIN)/python -m reports.history --keep --out $(OUT)
-
-history: $(INSTALLED) ## draw how the records in reports/measured changed over commits
-	@$(BIN)/python -m reports.history --out $(OUT)
 
 clean: ## remove what was made, except .venv and the caches in your home
 	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \

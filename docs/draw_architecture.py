@@ -2,7 +2,7 @@
 
 Boxes are packages: `mitsuba_ref`, `reports` and the folders of `renderer`. Its single
 files are names in grey on the row where they belong. There are no circles (`make lint`). An
-arrow is drawn only where no way over other boxes says the same. `make format` draws it
+arrow is drawn only where no way over other boxes says the same. `make docs` draws it
 anew.
 """
 

@@ -24,6 +24,7 @@ from reports.pages.history_page import history_page
 
 FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
+ALL = "all"
 DEFAULT_STUDY = "scenes"
 INDEX = "index.html"
 EPILOG = f"""exit status, that of the most severe verdict of a scene:
@@ -50,9 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.list:
             _list()
             return 0
-        names = given.studies or (
-            study_names() if given.keep or given.draw else [DEFAULT_STUDY]
+        everything = given.studies == [ALL] or (
+            not given.studies and (given.keep or given.draw)
         )
+        names = study_names() if everything else given.studies or [DEFAULT_STUDY]
         studies = {name: find_study(name) for name in names}
         if given.keep:
             for name, study in studies.items():
@@ -84,9 +86,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _say(f"{name}: {sentence}")
         _say(f"The page: {draw_index(store, given.out)}")
         status = status or _status(studies, store, given.case)
-        if given.draw and not given.studies:
-            everything = {n: (s, store.everything(n)) for n, s in studies.items()}
-            write_atomically(given.out / "history.html", history_page(everything).encode())
+        if everything:
+            rows = {n: (s, store.everything(n)) for n, s in studies.items()}
+            write_atomically(given.out / "history.html", history_page(rows).encode())
             _say(f"The page: {given.out / 'history.html'}")
     except ReportError as error:
         console.print(f"reports: {error}", markup=False, soft_wrap=True)
@@ -186,7 +188,12 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("studies", nargs="*", metavar="STUDY", help=f"see --list; default: {DEFAULT_STUDY}")
+    add(
+        "studies",
+        nargs="*",
+        metavar="STUDY",
+        help=f"see --list; {ALL}: every study; default: {DEFAULT_STUDY}",
+    )
     add("--list", action="store_true", help="list the studies, with their minutes")
     add("--quick", action="store_true", help="a shorter measurement with larger intervals")
     add("--case", action="append", metavar="NAME", help="measure this case (repeatable)")
@@ -207,7 +214,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--draw",
         action="store_true",
-        help="draw the pages of what is stored; without STUDY also all over commits",
+        help="draw the pages of what is stored; without STUDY all of them",
     )
     add("--keep", action="store_true", help="copy full measurements into the repository")
     add(

@@ -17,7 +17,7 @@ from renderer.scene.scene import Scene
 # --------------------------------------------------------------------------- cost model
 # Which structure is expected to take the least time, building it and tracing all rays.
 #
-# The constants are measured: `python -m reports.accelerators` on one core of an AMD EPYC
+# The constants are measured: `python -m reports accelerators` on one core of an AMD EPYC
 # 9005 (docs/performance.md, "Choice of a structure"). On another machine they all shift
 # together, which changes no choice; what matters is where two lines cross.
 

@@ -142,7 +142,7 @@ def benchmark(**changes: Any) -> dict[str, Any]:
     return {
         "schema": 1,
         "created": "2026-01-02T03:04:05Z",
-        "command": "python -m reports.benchmark",
+        "command": "python -m reports benchmark",
         "commit": "0123abc",
         "machine": {"cpu": "Example CPU"},
         "versions": {"python": "3.11"},

@@ -10,7 +10,7 @@ ROOT = PICTURE.parent.parent
 
 
 def test_the_picture_is_up_to_date():
-    assert PICTURE.read_text(encoding="utf-8") == draw(), "run `make format`"
+    assert PICTURE.read_text(encoding="utf-8") == draw(), "run `make docs`"
 
 
 def test_the_picture_names_every_package_and_file():

@@ -17,7 +17,7 @@ def test_every_symbol_of_the_lecture_exists():
 
 def test_every_link_of_the_lecture_is_on_its_line():
     text = LECTURE.read_text(encoding="utf-8")
-    assert on_their_lines(text)[0] == text, "run `make format`"
+    assert on_their_lines(text)[0] == text, "run `make docs`"
 
 
 def test_lines_are_those_of_the_definitions():
