@@ -55,10 +55,10 @@ def _off(distance: float) -> float:
 
 
 def ball_far_away() -> Shown:
-    """Show what the camera sees at 0, 10^5, 10^6 and 10^7: nearer is brighter."""
+    """Show what the camera sees at 0, 10^6, 10^7 and 3 * 10^7: nearer is brighter."""
     side, shown = 144, []
     order = pixel_order(side, side)
-    for moved in (0.0, 1e5, 1e6, 1e7):
+    for moved in (0.0, 1e6, 1e7, 3e7):
         distances = _distances(displaced_icosphere(10), moved, side)
         nearness = np.clip((4.6 - distances) / 2.0, 0.0, 1.0)
         grey = np.zeros(side * side, np.uint8)
