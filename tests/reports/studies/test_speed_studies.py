@@ -245,7 +245,15 @@ def test_gains_of_two_stages_are_rows() -> None:
     assert [row.quantity for row in table] == ["left out"]
 
 
-@pytest.mark.parametrize("name", ["benchmark", "cluster", "calibration", "samples-by-tile"])
-def test_wrong_options_are_one_line(name, tmp_path, capsys):
-    assert command.main([name, "--set", "seed=1", "--out", str(tmp_path)]) == 2
-    assert f"study {name} has no option 'seed'" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("seed=1", "study calibration has no option 'seed'"),
+        ("seeds=x", "--set seeds=x: expected a whole number, 2 or more"),
+    ],
+)
+def test_wrong_options_are_one_line_and_no_rows(option, message, tmp_path, capsys):
+    words = ["calibration", "--case", "metals", "--set", option, "--out", str(tmp_path)]
+    assert command.main(words) == 2
+    assert message in capsys.readouterr().err
+    assert not Store(tmp_path / "data", tmp_path).everything("calibration")
