@@ -188,8 +188,8 @@ def _rays(case: str, bench: Bench) -> Iterator[Row]:
             for (name, _, by), times in found.seconds.items()
             if by == count and name != NAIVE and times
         }
-        names = {name: f"{name}, {_threads(count)}" for name in seconds}
-        names[TREE] = f"{OURS}, {_threads(count)}"
+        names = {name: f"{name} ({_threads(count)})" for name in seconds}
+        names[TREE] = f"{OURS} ({_threads(count)})"
         nanoseconds = {names[n]: [1e9 * x for x in ts] for n, ts in seconds.items()}
         yield from compared(case, "ray", nanoseconds, names[TREE], "ns")
     query = found.queries[kind]
@@ -272,12 +272,14 @@ def verdict(table: Table) -> str:
                 for row in part.where(contender=name)
                 if isinstance(row.value, float)
             ]
-            if values:
-                low, high = number(min(values), 2), number(max(values), 2)
-                sentences.append(
-                    f"for a {what} {name} takes {number(statistics.geometric_mean(values))}"
-                    f" times as long as lightproof ({low} to {high})"
-                )
+            if not values:
+                continue
+            ends = [number(end(values), 2) for end in (min, max)]
+            spread = f" ({' to '.join(ends)})" if len(values) > 1 else ""
+            sentences.append(
+                f"for a {what} {name} takes {number(statistics.geometric_mean(values))} "
+                f"times as long as lightproof{spread}"
+            )
     text = "; ".join(sentences)
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 

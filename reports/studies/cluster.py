@@ -131,17 +131,17 @@ def _costs(side: int) -> Costs:
         with mock.patch.object(portions, "MOST_BYTES", 1):  # of one place each
             few = _processor_seconds(scene, workers)
         many = _processor_seconds(scene, workers)
-        task = take_turns(
-            {"": lambda turn: workers.client.submit(int, pure=False).result() and None},
-            ROUND_TRIPS,
-        )
+
+        def empty_task(turn: int) -> None:
+            workers.client.submit(int, pure=False).result()
+
+        alone = statistics.median(take_turns({"": empty_task}, ROUND_TRIPS)[""])
     # portion * p + byte * b = seconds, of both
     table = np.array([few[1:], many[1:]], np.float64)
     portion, byte = np.linalg.solve(table, [few[0], many[0]])
     begin = time.process_time()
     renderer.render(scene, 64, threads=1)
     rate = side * side * 64 / (time.process_time() - begin)
-    alone = statistics.median(task[""])
     return Costs(float(portion), max(float(byte), 0.0), start, first, alone, rate)
 
 
@@ -163,17 +163,17 @@ def verdict(table: Table) -> str:
     sentences = []
     for row in table.where(quantity=RATIO).rows[-1:]:
         if isinstance(row.value, float):
-            times = f"{row.contender} take {row.value:.3g} times as long as as many threads"
-            sentences.append(f"On this machine {times}.")
+            times = f"{row.contender}: {row.value:.3g} times the time of as many threads"
+            sentences.append(f"On this machine, {times}.")
     large = table.where(quantity=TRACING, contender=list(CASES)[1])
     scales = [
-        f"{row.at:g} workers {row.value:.0f} %"
+        f"{row.value:.0f} % of {row.at:g} workers"
         for row in large.rows[1:]
         if isinstance(row.value, float)
     ]
     if scales:
-        part = " and ".join(scales)
-        sentences.append(f"On a picture of hours {part} of their time would be tracing.")
+        part = ", ".join(scales)
+        sentences.append(f"Time that is tracing, on a picture of hours: {part}.")
     return " ".join(sentences)
 
 

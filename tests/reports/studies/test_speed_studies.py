@@ -112,7 +112,7 @@ def test_rays_are_timed_by_one_thread_and_by_all() -> None:
     """Peers that a machine lacks are named; embreex is one that all tests have."""
     table = rows_of(benchmark, "teapot, diffuse rays", rounds="2", threads="2")
     times = table.where(quantity="time of a ray", unit="ns").distinct("contender")
-    assert times[0] == f"{OURS}, 1 thread" and f"{OURS}, 2 threads" in times
+    assert times[0] == f"{OURS} (1 thread)" and f"{OURS} (2 threads)" in times
     named = {*times, *table.where(quantity="left out").distinct("contender")}
     assert any(name.startswith("embreex") for name in named)
     assert any(name.startswith("mitsuba llvm_ad_rgb") for name in named)
@@ -201,10 +201,8 @@ def test_clusters_are_simulated_with_the_costs_of_this_machine(
     large = table.where(contender="4K, 4096 dear spp, 1 GB of scene")
     seconds = [row.value for row in large.curve(quantity="time")]
     assert seconds == pytest.approx([10_860, 1_162, 236], rel=0.05)
-    said = cluster.verdict(table)
-    assert (
-        "100 workers would spend 93 %" in said and "1000 workers would spend 46 %" in said
-    )
+    said = "Time that is tracing, on a picture of hours: "
+    assert cluster.verdict(table) == said + "93 % of 100 workers, 46 % of 1000 workers."
 
 
 @pytest.mark.slow
@@ -214,7 +212,9 @@ def test_threads_and_workers_render_the_same_picture(
     monkeypatch.setattr(cluster, "COUNTS", (1,))
     table = rows_of(cluster, cluster.HERE, size="48", spp="8", rounds="2")
     assert table.value(contender="1 worker", quantity=cluster.RATIO) > 0.0
-    assert len(table.where(quantity="cost")) == 6
+    costs = table.where(quantity="cost")
+    assert len(costs) == 6 and all(row.value >= 0.0 for row in costs)
+    assert table.value(contender="an empty task, there and back") > 0.0
 
 
 @pytest.mark.slow
@@ -245,7 +245,15 @@ def test_gains_of_two_stages_are_rows() -> None:
     assert [row.quantity for row in table] == ["left out"]
 
 
-@pytest.mark.parametrize("name", ["benchmark", "cluster", "calibration", "samples-by-tile"])
-def test_wrong_options_are_one_line(name, tmp_path, capsys):
-    assert command.main([name, "--set", "seed=1", "--out", str(tmp_path)]) == 2
-    assert f"study {name} has no option 'seed'" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("seed=1", "study calibration has no option 'seed'"),
+        ("seeds=x", "--set seeds=x: expected a whole number, 2 or more"),
+    ],
+)
+def test_wrong_options_are_one_line_and_no_rows(option, message, tmp_path, capsys):
+    words = ["calibration", "--case", "metals", "--set", option, "--out", str(tmp_path)]
+    assert command.main(words) == 2
+    assert message in capsys.readouterr().err
+    assert not Store(tmp_path / "data", tmp_path).everything("calibration")
