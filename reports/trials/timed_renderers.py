@@ -54,9 +54,12 @@ NOT_FINITE = "its picture has values that are not finite"
 PATIENCE = 120.0  # [s] for one picture
 STARTING = 600.0  # [s] for another program to load a scene and to draw the first picture
 # Further programs: the package, and the module that adapts it. A Python that has the
-# package is named by LIGHTPROOF_PEER_PYTHON, as peers need other versions of libraries.
-OTHERS = {"cycles": ("bpy", "reports.trials.cycles_peer")}
-PEER_PYTHON = "LIGHTPROOF_PEER_PYTHON"
+# package is named by LIGHTPROOF_CYCLES_PYTHON or LIGHTPROOF_LUXCORE_PYTHON, as peers need
+# other versions of libraries.
+OTHERS = {
+    "cycles": ("bpy", "reports.trials.cycles_peer"),
+    "luxcore": ("pyluxcore", "reports.trials.luxcore_peer"),
+}
 # Mitsuba 3.9.1's `llvm_ad_rgb` takes 11 to 20 s for each picture of 10,000 instances, also
 # for the same one again, and more than a minute where two such scenes are loaded; here one
 # is for each sampler.
@@ -180,10 +183,11 @@ def other_renderers(
 ) -> tuple[dict[str, Contender], dict[str, str]]:
     """Return one of `OTHERS` with its sampler, or why it cannot draw the scene."""
     package, module = OTHERS[program]
+    variable = f"LIGHTPROOF_{program.upper()}_PYTHON"
     file = folder / f"{program}.npy"
-    python = os.environ.get(PEER_PYTHON, sys.executable)
+    python = os.environ.get(variable, sys.executable)
     if shutil.which(python) is None:
-        return {}, {program: f"{PEER_PYTHON} names {python}, which is no program"}
+        return {}, {program: f"{variable} names {python}, which is no program"}
     try:
         write_plain_scene(scene.description, folder)
         peer = stack.enter_context(
@@ -200,13 +204,14 @@ def other_renderers(
             answer = peer.ask({"seed": seed, "spp": spp, "keep": str(file)})
             return float(answer["seconds"]), np.load(file).astype(np.float64)
 
-        render(0, settings.spp[0])
+        for spp in settings.spp:  # a number may be one that it cannot take
+            render(0, spp)
         peer.time_limit = PATIENCE
-    except (MitsubaError, SceneError) as error:
+    except (ImportError, MitsubaError, SceneError) as error:
         why = str(error)
         if f"No module named '{package}'" in why:
             install = "install lightproof[peers], or name a Python that has it in"
-            why = f"{package} is not installed: {install} {PEER_PYTHON}"
+            why = f"{package} is not installed: {install} {variable}"
         return {}, {program: why}
     return {f"{program}, {peer.loaded['sampler']}": render}, {}
 

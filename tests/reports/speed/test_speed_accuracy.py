@@ -578,13 +578,13 @@ def test_a_program_that_is_not_installed_is_one_sentence(tmp_path, monkeypatch):
         assert found == {}
         return absent["cycles"]
 
-    monkeypatch.setenv("LIGHTPROOF_PEER_PYTHON", sys.executable)
+    monkeypatch.setenv("LIGHTPROOF_CYCLES_PYTHON", sys.executable)
     if importlib.util.find_spec("bpy") is None:
         assert why() == (
             "bpy is not installed: install lightproof[peers], or name a Python that has it "
-            "in LIGHTPROOF_PEER_PYTHON"
+            "in LIGHTPROOF_CYCLES_PYTHON"
         )
-    monkeypatch.setenv("LIGHTPROOF_PEER_PYTHON", str(tmp_path / "python"))
+    monkeypatch.setenv("LIGHTPROOF_CYCLES_PYTHON", str(tmp_path / "python"))
     assert why().endswith("which is no program")
 
 
