@@ -1,28 +1,22 @@
-"""Draws what was measured: JSON in, self-contained HTML pages out.
+"""Measures, stores what was measured as rows, and draws pages of it.
 
-`python -m reports` runs the harness on every scene and draws all pages;
-`python -m reports.benchmark` times the renderers in turn, `python -m reports.accelerators`
-everything that finds hits, `python -m reports.proof` replays and tests,
-`python -m reports.limits` puts methods under stress until they fail. Only the
-last computes images of its own; the others read what `mitsuba_ref` wrote.
+`python -m reports` renders all scenes in both renderers, compares them and draws
+index.html; `python -m reports STUDY` measures another study, `--list` names them all.
 
-One room a page or study, from the top down; imports go no other way:
+One room a task, from the top down; imports go no other way:
 
-`commands`
-    Measure, write the records, draw the pages.
-`scenes_page`, `proof_page`, `accelerator_page`
-    From records to a page.
-`limits`, `speed_accuracy`, `needs`, `soak`, `history`
-    Studies with a page of their own: where methods fail, what an error costs, what a scene
-    needs, what is rare, how records changed.
-`beside_peers`
-    Pictures and rays of several scenes beside Mitsuba and Embree.
-`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`, `cluster_study`
-    From measurements to records; small ones draw their section, too.
-`accelerator_trials`
-    One accelerator on one mesh, checked, counted and timed.
-`page`, `charts`, `records`
-    The look of all pages, charts, and JSON files as dataclasses.
+`command`
+    The command line.
+`studies`
+    One file a study: what is measured, in which cases.
+`trials`
+    What several studies measure with.
+`pages`
+    From rows to pages; `study_page` draws any study.
+`bench`
+    Rows, their store, the runner, timing.
+`look`, `charts`
+    The look of all pages, pictures, charts.
 """
 
 import mitsuba_ref  # noqa: F401  for what it says where a package is missing

@@ -58,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _say(store.keep(name))
             return 0
         faults: list[str] = []
+        for study in studies.values():  # before the first is measured
+            study.chosen(given.case or (), given.quick)
         if not given.draw:
             request = Request(
                 store,
@@ -79,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         break
         for name, study in studies.items():
             draw(name, study, store, given.out)
-            if sentence := study.verdict(table_of(name, study, store)):
+            table = table_of(name, study, store)
+            if table and (sentence := study.verdict(table)):
                 _say(f"{name}: {sentence}")
         _say(f"The page: {draw_index(store, given.out)}")
         status = status or _status(studies, store, given.case)

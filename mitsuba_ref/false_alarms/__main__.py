@@ -22,7 +22,7 @@ from mitsuba_ref.records.json_files import write_json
 from mitsuba_ref.records.request import FEWEST_SEEDS
 
 RECORD = Path("reports/out/data/false_alarms.json")
-"""Where the page "proof" looks."""
+"""For scripts; the page is drawn from `python -m reports false-alarms`."""
 
 
 def print_alarms(measured: FalseAlarms, output: Console) -> None:
@@ -109,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         default=RECORD,
         metavar="FILE",
-        help="default: %(default)s, where `make proof` finds it",
+        help="default: %(default)s",
     )
     return parser
 

@@ -57,6 +57,7 @@ def test_status_is_that_of_the_most_severe_verdict(tmp_path, capsys, verdicts, s
         (["proof", "--set", "seeds=2"], "expected 8 or more"),
         (["--set", "from=nowhere.json"], "nowhere.json: cannot be read"),
         (["no-such-study"], "no-such-study"),
+        (["register", "--case", "bumps"], "case 'bumps' is unknown"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_status_2(tmp_path, capsys, words, said):
