@@ -140,14 +140,17 @@ def draw_index(store: Store, out: Path) -> Path:
 
 
 def _status(studies: Iterable[str], store: Store, cases: Sequence[str] | None) -> int:
-    """Return the status of the most severe verdict among scenes; 0 without any."""
-    verdicts = [
-        row.value
+    """Return the status of the most severe verdict among scenes; 0 without any.
+
+    Of each scene the last verdict counts, also of a quick run.
+    """
+    verdicts = {
+        (name, row.case): row.value
         for name in studies
-        for row in store.read(name).where(quantity="verdict")
+        for row in store.everything(name).where(quantity="verdict")
         if not cases or row.case in cases
-    ]
-    return exit_status(verdicts) if verdicts else 0  # type: ignore[arg-type]
+    }
+    return exit_status(verdicts.values()) if verdicts else 0  # type: ignore[arg-type]
 
 
 def _function(place: str) -> Any:

@@ -41,7 +41,7 @@ def session(cases: Sequence[str], bench: Bench) -> AbstractContextManager[Any]:
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield the verdict, what each replay and each rung of the ladder says, the maps."""
     scene: SceneResult = bench.session(case, bench.show)
-    yield from verdict_rows(case, scene)
+    yield from verdict_rows(case, scene, bench)
     yield Row(case=case, quantity="noise", value="no" if scene.deterministic else "yes")
     for one in scene.replay:
         values = {
