@@ -61,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _say(store.keep(name, study.goes_on))
             return 0
         faults: list[str] = []
+        for study in studies.values():  # before the first is measured
+            study.chosen(given.case or (), given.quick)
         if not given.draw:
             request = Request(
                 store,
@@ -82,7 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         break
         for name, study in studies.items():
             draw(name, study, store, given.out)
-            if sentence := study.verdict(table_of(name, study, store)):
+            table = table_of(name, study, store)
+            if table and (sentence := study.verdict(table)):
                 _say(f"{name}: {sentence}")
         _say(f"The page: {draw_index(store, given.out)}")
         status = status or _status(studies, store, given.case)
@@ -144,14 +147,17 @@ def draw_index(store: Store, out: Path) -> Path:
 
 
 def _status(studies: Iterable[str], store: Store, cases: Sequence[str] | None) -> int:
-    """Return the status of the most severe verdict among scenes; 0 without any."""
-    verdicts = [
-        row.value
+    """Return the status of the most severe verdict among scenes; 0 without any.
+
+    Of each scene the last verdict counts, also of a quick run.
+    """
+    verdicts = {
+        (name, row.case): row.value
         for name in studies
-        for row in store.read(name).where(quantity="verdict")
+        for row in store.everything(name).where(quantity="verdict")
         if not cases or row.case in cases
-    ]
-    return exit_status(verdicts) if verdicts else 0  # type: ignore[arg-type]
+    }
+    return exit_status(verdicts.values()) if verdicts else 0  # type: ignore[arg-type]
 
 
 def _function(place: str) -> Any:

@@ -12,12 +12,6 @@ from pathlib import Path
 from mitsuba_ref.records.json_files import RecordError, from_json
 from mitsuba_ref.records.results import ReplayResult, Results, SceneResult
 from reports.errors import ReportError
-from reports.look.formatting import slug
-
-
-def record_file(folder: Path, study: str, case: str) -> Path:
-    """Return where the harness's record of a scene is, in the folder of the pages."""
-    return folder / "data" / study / slug(case) / "results.json"
 
 
 def read_results(path: Path) -> Results:

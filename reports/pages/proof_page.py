@@ -30,6 +30,7 @@ class SceneProof:
     tests: int
     broken: str  # name of the test that broke; "": none
     smallest_bias: float | None  # that a test would have seen
+    noise: bool
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ def proof_pages(name: str, study: Study, table: Table, folder: Path) -> dict[str
     scenes = [_scene(case, table.where(case=case)) for case in table.distinct("case")]
     order = list(VERDICTS)
     scenes.sort(key=lambda scene: order.index(scene.verdict))  # type: ignore[arg-type]
-    biases = [scene.smallest_bias for scene in scenes if scene.smallest_bias]
+    noisy = [scene.smallest_bias for scene in scenes if scene.noise]
+    biases = [bias for bias in noisy if bias]
     page = fill(
         "proof.html",
         name=name,
@@ -91,6 +93,7 @@ def _scene(case: str, rows: Table) -> SceneProof:
         tests=len(tests),
         broken=", ".join(broken),
         smallest_bias=min(biases, default=None),
+        noise=rows.value(quantity="noise") != "no",
     )
 
 

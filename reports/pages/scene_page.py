@@ -23,7 +23,7 @@ from reports.charts.columns import Bin, histogram_chart
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
 from reports.look import formatting
-from reports.look.results import read_results, record_file
+from reports.look.results import read_results
 from reports.look.template import fill
 
 OURS = "lightproof"
@@ -85,18 +85,16 @@ def scene_pages(name: str, study: Study, table: Table, folder: Path) -> dict[str
     """
     store = Store(folder / "data")
     tables = {one: store.read(one) for one in ("scenes", "proof")}
-    return {
-        page_of(case): scene_page(
-            case,
-            {
-                one: Part(read_results(record), rows.where(case=case))
-                for one, rows in tables.items()
-                if (record := record_file(folder, one, case)).exists()
-            },
-        )
-        for case in table.distinct("case")
-        if any(record_file(folder, one, case).exists() for one in tables)
-    }
+    pages = {}
+    for case in table.distinct("case"):
+        parts = {}
+        for one, rows in tables.items():
+            record = rows.value(case=case, quantity="record")
+            if record and (folder / record).exists():
+                parts[one] = Part(read_results(folder / record), rows.where(case=case))
+        if parts:
+            pages[page_of(case)] = scene_page(case, parts)
+    return pages
 
 
 def scene_page(case: str, parts: dict[str, Part]) -> str:

@@ -41,7 +41,8 @@ def session(cases: Sequence[str], bench: Bench) -> AbstractContextManager[Any]:
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield the verdict, what each replay and each rung of the ladder says, the maps."""
     scene: SceneResult = bench.session(case, bench.show)
-    yield from verdict_rows(case, scene)
+    yield from verdict_rows(case, scene, bench)
+    yield Row(case=case, quantity="noise", value="no" if scene.deterministic else "yes")
     for one in scene.replay:
         values = {
             "pixels": one.pixels,
@@ -83,7 +84,7 @@ def _pictures(images: SceneImages) -> Iterator[Row]:
     yield from images.differences(mean_difference=error.astype(np.float64) @ LUMINANCE)
     bins = images.array("p_histogram")
     for low, high, count in () if bins is None else bins:
-        yield replace(images.row("colour values", float(count)), at=(low + high) / 2)
+        yield replace(images.row("colour values", float(count)), at=float(low + high) / 2)
 
 
 def evidence_against(p: NDArray[np.float64]) -> NDArray[np.float64]:

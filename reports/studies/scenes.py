@@ -36,7 +36,7 @@ def session(cases: Sequence[str], bench: Bench) -> AbstractContextManager[Any]:
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield verdict, error with its floor and tolerance, seconds and the pictures."""
     scene: SceneResult = bench.session(case, bench.show)
-    yield from verdict_rows(case, scene)
+    yield from verdict_rows(case, scene, bench)
     yield Row(case=case, quantity="method", value=scene.integrator)
     yield Row(case=case, quantity="samples per pixel", value=float(scene.spp))
     for quantity in ("rmse", "ssim", "flip"):

@@ -1,7 +1,7 @@
 """Scenes that the harness compares with Mitsuba: what the studies of scenes share.
 
 The harness's record of a scene, a results.json with its pictures, is kept in
-`data/STUDY/SCENE` of the folder of the pages.
+`data/STUDY/SCENE` of the folder of the pages; a row names it.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,8 @@ from reports.bench.rows import Row
 from reports.bench.study import Bench
 from reports.errors import ReportError
 from reports.look import pictures
-from reports.look.results import read_results, record_file
+from reports.look.formatting import slug
+from reports.look.results import read_results
 
 Compare = Callable[[str, Callable[[str], None]], SceneResult]
 
@@ -59,6 +61,21 @@ def _scenes() -> Path:
     return here if here.is_dir() else Path(__file__).resolve().parents[2] / "scenes"
 
 
+def record_file(bench: Bench, case: str) -> Path:
+    """Return where the harness's record of a scene is, from the folder of the pages.
+
+    A run that is quick or has options has a place of its own: the rows of a full run, which
+    count before it, keep their record and their pictures.
+    """
+    return Path("data") / bench.study / slug(case + _tag(bench)) / "results.json"
+
+
+def _tag(bench: Bench) -> str:
+    given = {k: "taken" if k == "from" else v for k, v in bench.options.items()}
+    words = ["quick"] * bench.quick + [f"{k}={v}" for k, v in sorted(given.items())]
+    return "".join(f"-{word}" for word in words)
+
+
 @contextmanager
 def compared(cases: Sequence[str], bench: Bench, options: Options) -> Iterator[Compare]:
     """Yield what compares a scene and keeps its record; print a table of all at the end."""
@@ -67,7 +84,7 @@ def compared(cases: Sequence[str], bench: Bench, options: Options) -> Iterator[C
 
     def compare(case: str, show: Callable[[str], None]) -> SceneResult:
         path = scene_file(case)
-        record = record_file(bench.folder, bench.study, case)
+        record = bench.folder / record_file(bench, case)
         result = keep(validate(path, show), scene_name(path), record.parent)
         made = circumstances("reports", [bench.study, "--case", case])
         write_json(Results(**made, scenes=(result,)), record)
@@ -98,7 +115,7 @@ def read_instead(cases: Sequence[str], bench: Bench, source: Path) -> Iterator[C
         raise ReportError(f"{source}: no scene {missing[0]!r}; there are {names}")
 
     def take(case: str, show: Callable[[str], None]) -> SceneResult:
-        record = record_file(bench.folder, bench.study, case)
+        record = bench.folder / record_file(bench, case)
         for name in scenes[case].images.values():
             try:
                 content = (source.parent / name).read_bytes()
@@ -130,8 +147,10 @@ def option(bench: Bench, name: str, possible: Sequence[str]) -> str:
     return value
 
 
-def verdict_rows(case: str, scene: SceneResult) -> Iterator[Row]:
-    """Yield title and verdict, and a fault if it is no pass."""
+def verdict_rows(case: str, scene: SceneResult, bench: Bench) -> Iterator[Row]:
+    """Yield the record's place, title and verdict, and a fault if it is no pass."""
+    record = record_file(bench, case).as_posix()
+    yield Row(case=case, quantity="record", value=record)
     yield Row(case=case, quantity="title", value=scene.title)
     yield Row(case=case, quantity="verdict", value=scene.verdict)
     if scene.verdict != "pass":
@@ -156,18 +175,18 @@ class SceneImages:
 
     def __init__(self, bench: Bench, case: str, scene: SceneResult) -> None:
         self._bench, self._case, self._scene = bench, case, scene
-        self._record = record_file(bench.folder, bench.study, case)
+        self._folder = (bench.folder / record_file(bench, case)).parent
         self.stops = 0
 
     def load(self, kind: str) -> pictures.Picture | None:
         """Return a picture of the record; None if it has none."""
         name = self._scene.images.get(kind)
-        return None if name is None else pictures.load_picture(self._record.parent / name)
+        return None if name is None else pictures.load_picture(self._folder / name)
 
     def array(self, kind: str) -> NDArray[np.float64] | None:
         """Return another array of the record; None if it has none."""
         name = self._scene.images.get(kind)
-        return None if name is None else pictures.load_array(self._record.parent / name)
+        return None if name is None else pictures.load_array(self._folder / name)
 
     def expose(self, reference: pictures.Picture) -> Row:
         """Choose the exposure of all pictures; return it as a row."""
@@ -180,7 +199,8 @@ class SceneImages:
 
     def write(self, name: str, shown: NDArray[np.uint8], form: str = "png") -> Row:
         """Write a picture that is ready."""
-        return self._bench.picture(self._case, name, shown, form)
+        row = self._bench.picture(self._case + _tag(self._bench), name, shown, form)
+        return replace(row, case=self._case)
 
     def differences(self, **named: pictures.Difference) -> Iterator[Row]:
         """Write signed differences at one scale, which is a row too."""

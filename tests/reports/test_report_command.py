@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from report_samples import scene, stopped_scene, write_results
 from mitsuba_ref.command.validation import Validated
 from reports import command
 from reports.bench.store import Store
+from reports.bench.study import Bench
 from reports.look.results import read_results
 from reports.trials import compared_scenes
 
@@ -57,6 +59,7 @@ def test_status_is_that_of_the_most_severe_verdict(tmp_path, capsys, verdicts, s
         (["proof", "--set", "seeds=2"], "expected 8 or more"),
         (["--set", "from=nowhere.json"], "nowhere.json: cannot be read"),
         (["no-such-study"], "no-such-study"),
+        (["register", "--case", "bumps"], "case 'bumps' is unknown"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_status_2(tmp_path, capsys, words, said):
@@ -104,6 +107,28 @@ def test_an_interrupt_leaves_the_scenes_so_far(tmp_path, monkeypatch, capsys):
     assert Store(out / "data").read("scenes").distinct("case") == ["cornell-box"]
     assert (out / "scene_cornell-box.html").exists()
     assert (out / "data/scenes/cornell-box/results.json").exists()
+
+
+def test_a_quick_run_leaves_record_and_pictures_of_the_full_one(tmp_path):
+    """Its rows count after those of a full run; what they name must be theirs."""
+    bench = Bench("scenes", folder=tmp_path)
+    places = {
+        compared_scenes.record_file(one, "box").as_posix()
+        for one in (
+            bench,
+            replace(bench, quick=True),
+            replace(bench, options={"size": "test"}),
+            replace(bench, options={"from": "/a/b.json"}),
+        )
+    }
+    assert places == {
+        f"data/scenes/box{tag}/results.json"
+        for tag in ("", "-quick", "-size=test", "-from=taken")
+    }
+    assert run(tmp_path, scene("s", "pass")) == 0
+    table = Store(tmp_path / "out/data").read("scenes")
+    assert all("s-from=taken" in r.value for r in table.where(quantity="picture"))
+    assert "s-from=taken" in table.value(quantity="record")
 
 
 def test_help_names_the_statuses_of_verdicts(capsys):

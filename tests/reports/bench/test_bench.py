@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import statistics
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -100,6 +101,26 @@ def test_an_interrupt_keeps_the_cases_that_ended(store, tmp_path):
     assert len(seen) == 4
     run(one, store, tmp_path, again=True)
     assert len(seen) == 7
+
+
+def test_a_session_is_open_for_all_cases_that_are_measured(store, tmp_path):
+    """It is not opened where nothing is left to be measured."""
+    told = []
+
+    @contextmanager
+    def session(cases, bench):
+        told.append(list(cases))
+        yield "shared"
+        told.append("closed")
+
+    def measure(case, bench):
+        assert told == [["a", "b"]]
+        yield Row(case=case, quantity="session", value=bench.session)
+
+    one = made(measure, cases=("a", "b"), session=session)
+    assert run(one, store, tmp_path) == [] and run(one, store, tmp_path) == []
+    assert told == [["a", "b"], "closed"]
+    assert [row.value for row in store.read("s")] == ["shared"] * 2
 
 
 def test_a_case_that_raises_is_a_fault_and_the_others_are_measured(store, tmp_path):
