@@ -141,7 +141,6 @@ def test_parts_and_changed_sources_are_not_kept(name, content, reason) -> None:
         *(
             f"reports/commands/{name}.py"
             for name in (
-                "accelerators",
                 "benchmark",
                 "calibration",
                 "limits",
