@@ -99,8 +99,10 @@ def _cost(point: LadderPoint) -> float:
 def verdict(table: Table) -> str:
     """Return how many scenes pass, and how fast they are."""
     verdicts = [row.value for row in table.where(quantity="verdict")]
+    passed = {row.case for row in table.where(quantity="verdict", value="pass")}
     sentence = f"{verdicts.count('pass')} of {len(verdicts)} scenes agree with Mitsuba"
-    times = [float(row.value or 1.0) for row in table.where(quantity="times as fast")]
+    found = table.where(quantity="times as fast")
+    times = [float(row.value or 1.0) for row in found if row.case in passed]
     if times:
         mean = number(statistics.geometric_mean(times), 2)
         sentence += f"; to the same error {mean} times as fast as Mitsuba scalar_rgb"

@@ -28,7 +28,7 @@ from reports.bench.rows import Row
 from reports.bench.study import Bench
 from reports.errors import ReportError
 from reports.look import pictures
-from reports.look.formatting import slug
+from reports.look.formatting import metric_name, slug
 from reports.look.results import read_results
 
 Compare = Callable[[str, Callable[[str], None]], SceneResult]
@@ -154,7 +154,7 @@ def verdict_rows(case: str, scene: SceneResult, bench: Bench) -> Iterator[Row]:
     yield Row(case=case, quantity="title", value=scene.title)
     yield Row(case=case, quantity="verdict", value=scene.verdict)
     if scene.verdict != "pass":
-        found = "; ".join(one.quantity for one in failures(scene))
+        found = "; ".join(metric_name(one.quantity) for one in failures(scene))
         meaning = VERDICTS[scene.verdict].meaning
         sentence = f"beyond its limit: {found}" if found else (*scene.reasons, meaning)[0]
         yield Row(case=case, quantity="fault", value=sentence)

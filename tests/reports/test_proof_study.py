@@ -76,7 +76,7 @@ def test_replays_of_two_sizes_are_a_fault_not_a_picture(tmp_path):
     entry = proven("box", "fail", replay=[sizes])
     entry["images"].pop("replay_reference")
     table = compared(tmp_path, entry, study="proof").read("proof")
-    assert table.faults == ["box: beyond its limit: rmse; replay at 1 spp"]
+    assert table.faults == ["box: beyond its limit: RMSE; replay at 1 spp"]
     assert not table.where(contender="replay", quantity="picture")
 
 

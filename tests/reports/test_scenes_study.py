@@ -69,13 +69,14 @@ def test_the_index_says_the_verdict_first_and_shows_failing_scenes_first(tmp_pat
     page = read(tmp_path)
     assert page.index("2 of 4 scenes agree") < page.index('<main id="content">')
     assert "lightproof is 4 times as fast" in page
+    assert "a geometric mean over 2 scenes with noise" in page  # that pass
     assert re.findall(r'<article class="card \w+" id="(\w+)"', page) == [
         "shifted", "broken", "solid", "sound",
     ]  # fmt: skip
     rows = re.findall(r'<tr><th scope="row"><a href="scene_(\w+)\.html">', page)
     assert rows == ["shifted", "broken", "solid", "sound"]
     assert '--value: 0.8400; --floor: 0.8000"' in page  # of the tolerance, 0.025
-    assert "beyond its limit: rmse" in page
+    assert "beyond its limit: RMSE" in page
     assert "is not supported" in page
     assert len(page) < 1e6
 
