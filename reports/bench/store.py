@@ -207,10 +207,11 @@ def _decoded(text: bytes, study: str) -> Line:
     content = json.loads(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, found {text[:40].decode(errors='replace')}")
-    kind = Run if "created" in content else Done if "done" in content else Row
-    if kind is Row:
-        content["study"] = study
-    return msgspec.convert(content, kind)
+    if "created" in content:
+        return msgspec.convert(content, Run)
+    if "done" in content:
+        return msgspec.convert(content, Done)
+    return msgspec.convert({**content, "study": study}, Row)
 
 
 def _encoded(line: Line) -> bytes:

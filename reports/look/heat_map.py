@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 # Dark to light, so that it reads in grey as well, through hues that all eyes tell apart.
 RAMP = np.array(
@@ -28,24 +25,13 @@ STEPS = 256
 
 def heat_map(work: NDArray[np.int64], most: float) -> NDArray[np.uint8]:
     """Return work per pixel (H, W) as colours (H, W, 3); 1 is darkest, `most` lightest."""
-    part = np.log(np.maximum(work, 1)) / math.log(max(most, 2.0))
-    return _palette()[np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.int64)]
+    return ramp_colours(np.log(np.maximum(work, 1)) / math.log(max(most, 2.0)))
 
 
 def ramp_colours(part: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Return a map (H, W) of numbers from 0, darkest, to 1, lightest, as a picture."""
     steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)
     return _palette()[steps]
-
-
-def ramp_uri(part: NDArray[np.float64]) -> str:
-    """Return a map (H, W) of numbers from 0, darkest, to 1, lightest, as a PNG data URI."""
-    steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)
-    image = Image.fromarray(steps).convert("P")
-    image.putpalette(_palette().tobytes())
-    buffer = io.BytesIO()
-    image.save(buffer, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def ramp_css() -> str:

@@ -6,15 +6,12 @@ looks different is different. A value that is not finite is magenta everywhere.
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from renderer.rendering.picture.picture import srgb_from_linear
 from reports.errors import ReportError
@@ -151,21 +148,3 @@ def diverging_palette() -> NDArray[np.uint8]:
 def difference_colours(difference: Difference, scale: float) -> NDArray[np.uint8]:
     """Return a signed difference of shape (H, W) as a picture in the diverging map."""
     return diverging_palette()[diverging_steps(difference, scale)]
-
-
-def picture_uri(shown: NDArray[np.uint8]) -> str:
-    """Return an RGB picture of shape (H, W, 3) as a PNG data URI."""
-    return _png_uri(Image.fromarray(shown))
-
-
-def difference_uri(difference: Difference, scale: float) -> str:
-    """Return a signed difference of shape (H, W) as a PNG data URI in the diverging map."""
-    image = Image.fromarray(diverging_steps(difference, scale)).convert("P")
-    image.putpalette(diverging_palette().tobytes())
-    return _png_uri(image)
-
-
-def _png_uri(image: Image.Image) -> str:
-    buffer = io.BytesIO()
-    image.save(buffer, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -120,12 +120,3 @@ def head(length: int) -> Damage:
         return poke(rng, content, rng.randrange(min(length, len(content)) + 1))
 
     return damage
-
-
-def of_part(start: int, end: int, damage: Damage) -> Damage:
-    """Return damage that is done to a part of the file alone."""
-
-    def damaged(rng: random.Random, content: bytes) -> bytes:
-        return content[:start] + damage(rng, content[start:end]) + content[end:]
-
-    return damaged

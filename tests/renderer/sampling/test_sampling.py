@@ -202,14 +202,6 @@ def test_without_jitter_the_pairs_are_the_centres(columns, rows):
         assert 0.3 < np.abs(from_centre).max() < 0.501
 
 
-def test_pixels_shuffle_their_cells_differently():
-    """The first sample of 65536 pixels is in each of 64 cells equally often."""
-    for sampler in samplers(8, 8):
-        x, y, _, _ = draw(sampler, np.arange(PIXELS), 0, 1)
-        cells = (x * 8).astype(int) * 8 + (y * 8).astype(int)
-        assert chi_square_z(np.bincount(cells, minlength=64)) < SIGMA
-
-
 # ------------------------------------------------------------------------------- no bias
 
 INTEGRALS = {
