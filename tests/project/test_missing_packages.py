@@ -106,7 +106,7 @@ def test_every_command_of_the_harness_says_it(run):
         for file in files
         if "__main__" in file.read_text(encoding="utf-8")
     }
-    assert len(names) > 5
+    assert len(names) >= 3
     finished = run("-c", RUN_ALL, json.dumps(sorted(names)), sitecustomize=BLOCKED)
     said = json.loads(finished.stdout)
     assert said.keys() == names
