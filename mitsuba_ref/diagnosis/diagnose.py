@@ -1,4 +1,4 @@
-"""Names the mistake in a picture: which prediction explains the difference?
+"""Names the mistake in a picture: the prediction that explains the difference.
 
 The share that a prediction explains is 1 - D / D0, where D0 is the noise-free mean squared
 difference of the picture from the reference and D that from the prediction. Noise is in

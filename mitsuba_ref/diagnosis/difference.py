@@ -1,4 +1,4 @@
-"""Does a picture differ from a reference by more than noise? And by how much?
+"""Tests whether a picture differs from a reference by more than noise, and measures it.
 
 One noisy picture of unknown sample count is compared with several reference pictures. Its
 noise is not known, so it is told from the bias by one fact: the noise of two pixels that
