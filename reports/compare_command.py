@@ -20,6 +20,7 @@ from mitsuba_ref.diagnosis.difference import FALSE_ALARMS, local_brightness
 from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, Prediction
 from mitsuba_ref.diagnosis.picture_files import read_picture
 from mitsuba_ref.diagnosis.scene_mistakes import (
+    AlgorithmMistake,
     algorithm_mistakes,
     render_algorithm_mistake,
     render_reading_mistakes,
@@ -165,7 +166,9 @@ def _slower(
         show("rendering the scene with mistakes of reading")
         yield from render_reading_mistakes(scene, spp, seed)
 
-    def algorithm(mistake: object, number: int, count: int) -> Iterator[Prediction]:
+    def algorithm(
+        mistake: AlgorithmMistake, number: int, count: int
+    ) -> Iterator[Prediction]:
         show(f"rendering with a mistake: {mistake.name}, {number} of {count}")
         request = RenderRequest(str(given.scene), dict(given.define), spp=spp, seed=seed)
         found = render_algorithm_mistake(mistake, request)
