@@ -36,9 +36,30 @@ def command(module: str = "renderer.command.cli") -> NoReturn:
     from renderer.process.signals import make_streams_tolerant
 
     make_streams_tolerant()
-    main: Callable[[], int] = importlib.import_module(module).main
+    main: Callable[[], int] = _subcommand() or importlib.import_module(module).main
     signal.signal(signal.SIGINT, before)
     _end(main())
+
+
+def _subcommand() -> Callable[[], int] | None:
+    """Return what runs `lightproof WORD ...`, if a package has registered WORD.
+
+    It does so by an entry point of the group `lightproof.commands`. A word that is the name
+    of a file or a folder is a scene.
+    """
+    word = sys.argv[1] if len(sys.argv) > 1 else ""
+    if not word.isidentifier() or os.path.exists(word):
+        return None
+    from importlib.metadata import entry_points
+
+    found = entry_points(group="lightproof.commands", name=word)
+    for entry in found:
+        del sys.argv[1]
+        # what a missing package of an extra leads to is said in one line
+        sys.argv[0] = f"lightproof-{word}"
+        main: Callable[[], int] = entry.load()
+        return main
+    return None
 
 
 def _end(status: int) -> NoReturn:

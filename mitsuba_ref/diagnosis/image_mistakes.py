@@ -1,0 +1,354 @@
+"""Mistakes that a picture shows by itself: each makes a prediction from the reference.
+
+A mistake is a function from the evidence to predictions, pictures that should look like the
+one in question if it has the mistake. Parameters (a factor, an exponent, a shift) are
+fitted. A free parameter can explain a little of any difference, so a fitted value is named
+only where it is far from the one without the mistake.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, optimize
+
+from renderer.rendering.picture.picture import srgb_from_linear
+from renderer.scene_file.images.image import linear_from_srgb
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a mistake is looked for in.
+
+    Parameters
+    ----------
+    picture
+        (H, W, 3), linear if the mistake is not that it is not.
+    reference
+        The mean of the reference pictures, with the filter of the picture.
+    scale
+        (H, W, 1), brightness that differences are measured in.
+    aovs
+        Of the reference, one ray for each pixel: "shape_index", "depth", ...
+    shapes
+        Names of the shapes by their index.
+    """
+
+    picture: Floats
+    reference: Floats
+    scale: Floats
+    aovs: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    shapes: Mapping[int, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A picture that has a mistake.
+
+    Parameters
+    ----------
+    name
+        Short and fixed: programs compare it.
+    sentence
+        What is wrong.
+    advice
+        What to look at.
+    pixels
+        (H, W, 3).
+    parameters
+        How many numbers were fitted.
+    """
+
+    name: str
+    sentence: str
+    advice: str
+    pixels: Floats
+    parameters: int = 0
+
+
+Mistake = Callable[[Evidence], Iterator[Prediction]]
+
+# factors that a missing or doubled constant makes, by what they are
+FACTORS = {
+    "pi": math.pi,
+    "1/pi": 1.0 / math.pi,
+    "2 pi": 2.0 * math.pi,
+    "1/(2 pi)": 0.5 / math.pi,
+    "4 pi": 4.0 * math.pi,
+    "1/(4 pi)": 0.25 / math.pi,
+    "2": 2.0,
+    "1/2": 0.5,
+    "4": 4.0,
+    "1/4": 0.25,
+    "3": 3.0,
+    "1/3": 1.0 / 3.0,
+}
+NEAR = 0.02  # relative distance at which a fitted factor gets the name of a constant
+TOLD = 0.003  # relative distance from 1 at which a factor is one
+
+
+def fitted_factor(evidence: Evidence, shape: Floats, where: Floats | None = None) -> float:
+    """Return f of the least squares |picture - f shape|, in units of the scale."""
+    weight = 1.0 / evidence.scale**2 if where is None else where / evidence.scale**2
+    below = float(np.sum(weight * shape * shape))
+    return float(np.sum(weight * evidence.picture * shape)) / below if below > 0.0 else 1.0
+
+
+def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict a curve that was applied, or applied in the wrong direction."""
+    r = np.maximum(evidence.reference, 0.0)
+    advice = "Write linear values to EXR, HDR, PFM and NPY; apply the curve to PNG once."
+    yield Prediction(
+        "srgb-curve-applied",
+        "The transfer curve of sRGB was applied to linear values.",
+        advice,
+        srgb_from_linear(r),
+    )
+    yield Prediction(
+        "srgb-curve-inverted",
+        "Linear values were decoded by the inverse curve of sRGB.",
+        "Values that are linear need no decoding.",
+        linear_from_srgb(np.minimum(r, 1.0)) + np.maximum(r - 1.0, 0.0),
+    )
+    yield Prediction(
+        "gamma-2.2-applied",
+        "Values were raised to 1 / 2.2, a gamma curve.",
+        advice,
+        r ** (1.0 / 2.2),
+    )
+    yield Prediction(
+        "gamma-2.2-inverted",
+        "Values were raised to 2.2, as if they were encoded.",
+        "Values that are linear need no decoding.",
+        r**2.2,
+    )
+    yield Prediction(
+        "tone-mapped",
+        "Reinhard's tone map x / (1 + x) was applied.",
+        "Compare values before tone mapping.",
+        r / (1.0 + r),
+    )
+
+
+def factors(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict one factor for all pixels, and one for each channel."""
+    r = evidence.reference
+    f = fitted_factor(evidence, r)
+    named = [name for name, value in FACTORS.items() if abs(f / value - 1.0) < NEAR]
+    if named and f > 0.0:
+        yield Prediction(
+            f"factor-{named[0]}",
+            f"All values are {named[0]} times as large ({f:.4g}).",
+            "A constant is missing or counted twice: the 1/pi of a diffuse BRDF, a pdf, "
+            "the area or the power of a light.",
+            FACTORS[named[0]] * r,
+        )
+    elif abs(f - 1.0) > TOLD and f > 0.0:
+        yield Prediction(
+            "exposure",
+            f"All values are {f:.4g} times as large ({math.log2(f):+.3g} stops).",
+            "Look at exposure, the scale of lights, and the division by sample counts.",
+            f * r,
+            1,
+        )
+    each = np.array(
+        [
+            float(
+                np.sum(evidence.picture[..., c] * r[..., c] / evidence.scale[..., 0] ** 2)
+            )
+            / (float(np.sum(r[..., c] ** 2 / evidence.scale[..., 0] ** 2)) or 1.0)
+            for c in range(3)
+        ]
+    )
+    missing = [name for name, f in zip("RGB", each, strict=True) if abs(f) < 0.01]
+    if 0 < len(missing) < 3:
+        kept = np.array([0.0 if name in missing else 1.0 for name in "RGB"])
+        yield Prediction(
+            "missing-channel",
+            f"Channel {' and '.join(missing)} is missing.",
+            "Look at how channels are written: order, names, number.",
+            kept * r,
+        )
+    elif np.ptp(each) > TOLD:
+        shown = ", ".join(f"{f:.4g}" for f in each)
+        yield Prediction(
+            "channel-factors",
+            f"R, G and B are {shown} times as large.",
+            "Look at the colour space of the film and of spectra, and at white balance.",
+            each * r,
+            3,
+        )
+
+
+def channels(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict channels in another order, and grey values."""
+    for order in itertools.permutations(range(3)):
+        if order != (0, 1, 2):
+            shown = "".join("RGB"[c] for c in order)
+            yield Prediction(
+                "swapped-channels",
+                f"R, G and B hold what should be in {', '.join(shown)}.",
+                "Look at the order of channels where the file is written (BGR?).",
+                evidence.reference[..., list(order)],
+            )
+    for weights, how in (((1 / 3, 1 / 3, 1 / 3), "mean"), ((0.2126, 0.7152, 0.0722), "Y")):
+        grey = evidence.reference @ np.array(weights)
+        yield Prediction(
+            "grey",
+            f"The picture is grey: each channel is the {how} of the three.",
+            "Look for an average over channels.",
+            np.repeat(grey[..., None], 3, axis=2),
+        )
+
+
+def orientations(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict mirrored, turned and transposed pictures."""
+    r = evidence.reference
+    advice = (
+        "Look at the direction of the film's axes and at the order of rows in the file."
+    )
+    turned = {
+        "mirrored-left-right": ("Left and right have changed places.", r[:, ::-1]),
+        "mirrored-top-bottom": ("Top and bottom have changed places.", r[::-1]),
+        "rotated-180": ("The picture is turned by half a turn.", r[::-1, ::-1]),
+    }
+    if r.shape[0] == r.shape[1]:
+        turned |= {
+            "transposed": ("Rows and columns have changed places.", r.swapaxes(0, 1)),
+            "rotated-90": ("The picture is turned by 90 degrees.", np.rot90(r)),
+            "rotated-270": ("The picture is turned by 270 degrees.", np.rot90(r, 3)),
+        }
+    for name, (sentence, pixels) in turned.items():
+        yield Prediction(name, sentence, advice, np.ascontiguousarray(pixels))
+
+
+def shifts(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict a picture that is shifted by up to some pixels."""
+
+    def moved(by: Floats) -> Floats:
+        return np.asarray(
+            ndimage.shift(evidence.reference, (by[1], by[0], 0), order=1, mode="nearest")
+        )
+
+    def squares(by: Floats) -> float:
+        return float(np.mean(((evidence.picture - moved(by)) / evidence.scale) ** 2))
+
+    grid = [np.array([x, y]) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)]
+    found = optimize.minimize(
+        squares, min(grid, key=squares), method="Nelder-Mead", options={"maxiter": 60}
+    )
+    x, y = (round(2.0 * float(part)) / 2.0 for part in found.x)
+    if (x, y) == (0.0, 0.0):
+        return
+    half = "half-pixel-shift" if max(abs(x), abs(y)) == 0.5 else "shift"
+    yield Prediction(
+        half,
+        f"The picture lies {x:+g} pixels to the right and {y:+g} pixels down.",
+        "A sample of pixel (i, j) lies in [i, i + 1) x [j, j + 1), its centre at + 0.5.",
+        moved(np.array([x, y])),
+    )
+
+
+def filters(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict a wider or a narrower reconstruction filter."""
+
+    def squares(sigma: float, sharpen: bool) -> float:
+        return float(
+            np.mean(((evidence.picture - blurred(sigma, sharpen)) / evidence.scale) ** 2)
+        )
+
+    def blurred(sigma: float, sharpen: bool) -> Floats:
+        smooth = ndimage.gaussian_filter(evidence.reference, (sigma, sigma, 0))
+        return np.asarray(2.0 * evidence.reference - smooth if sharpen else smooth)
+
+    for sharpen, name in ((False, "wider-filter"), (True, "narrower-filter")):
+        found = optimize.minimize_scalar(
+            squares, bounds=(0.05, 3.0), method="bounded", args=(sharpen,)
+        )
+        sigma = float(found.x)
+        if sigma > 0.25:
+            yield Prediction(
+                name,
+                f"The reconstruction filter is {name.removesuffix('-filter')} than the "
+                f"scene's (by a Gaussian of {sigma:.2g} pixels).",
+                "Use the filter of the scene file, or a box filter on both sides.",
+                blurred(sigma, sharpen),
+                1,
+            )
+
+
+def clamped(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict values that are cut off."""
+    highest = float(np.max(evidence.picture))
+    if 0.0 < highest < 0.98 * float(np.max(evidence.reference)):
+        yield Prediction(
+            "clamped",
+            f"Values above {highest:.3g} are cut off.",
+            "Write floating-point values; clamp in the display alone.",
+            np.minimum(evidence.reference, highest),
+            1,
+        )
+    if float(np.min(evidence.reference)) < 0.0 <= float(np.min(evidence.picture)):
+        yield Prediction(
+            "negative-cut-off",
+            "Negative values are cut off.",
+            "Colours outside of sRGB have negative parts; keep them.",
+            np.maximum(evidence.reference, 0.0),
+        )
+
+
+def background(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict a sky that is missing where a ray meets nothing."""
+    shape = evidence.aovs.get("shape_index")
+    if shape is None or not np.any(shape < 0) or np.all(shape < 0):
+        return
+    seen = (shape.reshape(shape.shape[:2]) >= 0)[..., None]
+    if float(np.abs(evidence.reference[~seen[..., 0]]).max()) > 0.0:
+        yield Prediction(
+            "no-background",
+            "Where rays meet nothing the picture is black.",
+            "A ray that leaves the scene carries the light of the environment.",
+            np.where(seen, evidence.reference, 0.0),
+        )
+
+
+def materials(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict a factor on the pixels of one shape: a BSDF that loses or gains energy."""
+    shape = evidence.aovs.get("shape_index")
+    if shape is None:
+        return
+    index = shape.reshape(shape.shape[:2])
+    for number in np.unique(index[index >= 0]):
+        where = (index == number)[..., None]
+        if where.sum() < 16:
+            continue
+        f = fitted_factor(evidence, evidence.reference, where)
+        if abs(f - 1.0) > TOLD:
+            name = evidence.shapes.get(int(number), f"number {int(number)}")
+            yield Prediction(
+                "material",
+                f"The pixels of shape {name} are {f:.4g} times as bright.",
+                "Look at the BSDF of this shape: its weight, its albedo, its textures.",
+                np.where(where, f, 1.0) * evidence.reference,
+                1,
+            )
+
+
+IMAGE_MISTAKES: tuple[Mistake, ...] = (
+    transfer_curves,
+    factors,
+    channels,
+    orientations,
+    shifts,
+    filters,
+    clamped,
+    background,
+    materials,
+)

@@ -1,0 +1,247 @@
+"""A verdict on any picture: noise is no difference, and mistakes get their names."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import renderer
+from mitsuba_ref.diagnosis.diagnose import diagnose
+from mitsuba_ref.diagnosis.difference import compare, local_brightness
+from mitsuba_ref.diagnosis.image_mistakes import Evidence
+from mitsuba_ref.diagnosis.picture_files import read_picture
+from mitsuba_ref.diagnosis.scene_mistakes import (
+    FEATURES,
+    algorithm_mistakes,
+    reading_mistakes,
+)
+from mitsuba_ref.mutations.mutation import mutated_files
+from renderer.errors import SceneError
+from renderer.rendering.picture.picture import srgb_from_linear
+from renderer.scene_file import read_string
+from reports import compare_command
+
+SIDE = 96
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """A picture with shapes, edges, a gradient and three different channels."""
+    y, x = np.mgrid[0:SIDE, 0:SIDE] / SIDE
+    disk = (x - 0.3) ** 2 + (y - 0.4) ** 2 < 0.04
+    box = (x > 0.6) & (y > 0.55)
+    red = 0.2 + 0.5 * x + 1.0 * disk
+    green = 0.3 + 0.2 * y + 0.6 * box
+    blue = 0.1 + 0.3 * x * y + 0.2 * disk
+    return np.stack([red, green, blue], axis=-1)
+
+
+def noisy(truth, seed, relative=0.3):
+    """Return the picture with skewed noise, that of a gamma distribution."""
+    rng = np.random.default_rng(seed)
+    shape = 1.0 / relative**2
+    return truth * rng.gamma(shape, 1.0 / shape, truth.shape)
+
+
+@pytest.fixture(scope="module")
+def references(truth):
+    return [noisy(truth, 100 + k, 0.1) for k in range(4)]
+
+
+def named(picture, references, **given):
+    reference = np.mean(references, axis=0)
+    evidence = Evidence(picture, reference, local_brightness(reference), **given)
+    return diagnose(evidence, references, 1)
+
+
+@pytest.mark.parametrize("relative", [0.05, 0.3, 1.0, 3.0])
+def test_noise_is_no_difference(truth, references, relative):
+    """Of 40 right pictures none is called wrong, however noisy: 1 in 1000 would be."""
+    wrong = [compare(noisy(truth, k, relative), references, 1).differs for k in range(40)]
+    assert sum(wrong) == 0
+
+
+def test_a_stated_bias_is_seen(truth, references):
+    """What would have been seen with 99 % is seen, in 30 of 30 pictures."""
+    stated = compare(noisy(truth, 1), references, 1).detectable
+    assert 0.0 < stated < 0.05
+    biased = [noisy(truth, k) * (1.0 + 1.5 * stated) for k in range(30)]
+    assert all(compare(one, references, 1).differs for one in biased)
+
+
+MISTAKES = {
+    "srgb-curve-applied": srgb_from_linear,
+    "gamma-2.2-inverted": lambda p: p**2.2,
+    "factor-pi": lambda p: np.pi * p,
+    "factor-1/2": lambda p: 0.5 * p,
+    "exposure": lambda p: 1.37 * p,
+    "channel-factors": lambda p: p * [1.1, 1.0, 0.9],
+    "missing-channel": lambda p: p * [1.0, 0.0, 1.0],
+    "swapped-channels": lambda p: p[..., ::-1],
+    "grey": lambda p: np.repeat(p.mean(axis=2, keepdims=True), 3, axis=2),
+    "mirrored-left-right": lambda p: p[:, ::-1],
+    "mirrored-top-bottom": lambda p: p[::-1],
+    "rotated-180": lambda p: p[::-1, ::-1],
+    "rotated-90": np.rot90,
+    "transposed": lambda p: p.swapaxes(0, 1),
+    "shift": lambda p: ndimage.shift(p, (1, 2, 0), order=0, mode="nearest"),
+    "tone-mapped": lambda p: p / (1.0 + p),
+    "clamped": lambda p: np.minimum(p, 0.6),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_its_name(truth, references, name):
+    """The mistake is made to the noisy picture, as a renderer makes it."""
+    found = named(MISTAKES[name](noisy(truth, 7, 0.1)), references)
+    assert found.difference.differs
+    assert found.names[0] == name
+    assert found.explanations[0].share > 0.9
+
+
+def test_a_mistake_that_is_not_known_gets_no_name(truth, references):
+    rng = np.random.default_rng(0)
+    blots = ndimage.gaussian_filter(rng.normal(size=truth.shape[:2]), 6)[..., None]
+    found = named(noisy(truth * (1.0 + 4.0 * blots), 3, 0.1), references)
+    assert found.difference.differs and found.names == []
+
+
+def test_a_shape_that_loses_energy_is_named(truth, references):
+    index = np.zeros((SIDE, SIDE, 1), np.float32)
+    index[20:60, 20:60] = 3
+    wrong = np.where(index == 3, 0.8, 1.0) * truth
+    found = named(
+        noisy(wrong, 5, 0.1), references, aovs={"shape_index": index}, shapes={3: "ball"}
+    )
+    assert found.names[0] == "material"
+    assert "shape ball are 0.8" in found.explanations[0].prediction.sentence
+
+
+# ------------------------------------------------------------------------ with a scene
+
+SCENE = """<scene version="3.0.0">
+<default name="spp" value="16"/>
+<integrator type="path"><integer name="max_depth" value="3"/></integrator>
+<sensor type="perspective"><float name="fov" value="60"/>
+<film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="32"/>
+<rfilter type="box"/></film>
+<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler></sensor>
+<shape type="cube"><boolean name="flip_normals" value="true"/></shape>
+<emitter type="point"><point name="position" x="0.3" y="0.2" z="-0.2"/>
+<rgb name="intensity" value="1 0.8 0.6"/></emitter></scene>"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE)
+    return path
+
+
+def rendered(scene, path, **parameters):
+    renderer.render(renderer.load_file(scene, **parameters), seed=5).save(path)
+    return path
+
+
+def run(capsys, *words):
+    status = compare_command.main([str(word) for word in words])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_a_right_picture_of_a_scene_passes(scene, tmp_path, capsys):
+    mine = rendered(scene, tmp_path / "mine.exr")
+    status, out, _ = run(capsys, mine, "--scene", scene, "--by", "ours")
+    assert status == compare_command.SAME
+    assert "do not differ by more than noise" in out
+    assert "would have been seen with a probability of 99 %" in out
+
+
+def test_a_scene_that_was_read_wrongly_is_named(scene, tmp_path, capsys):
+    other = tmp_path / "other.xml"
+    other.write_text(
+        SCENE.replace('name="max_depth" value="3"', 'name="max_depth" value="2"')
+    )
+    mine = rendered(other, tmp_path / "mine.exr")
+    report = tmp_path / "verdict.json"
+    options = ("--scene", scene, "--by", "ours", "--quick", "--json", report)
+    status, out, _ = run(capsys, mine, *options)
+    assert status == compare_command.DIFFERENT
+    assert "1. one-bounce-fewer: Paths are 2 segments long" in out
+    verdict = json.loads(report.read_text())
+    assert verdict["differs"] and verdict["mistakes"][0]["name"] == "one-bounce-fewer"
+
+
+def test_two_pictures_without_a_scene(scene, tmp_path, capsys):
+    mine = rendered(scene, tmp_path / "mine.npy")
+    pixels = np.load(mine)
+    np.save(tmp_path / "twice.npy", 2.0 * pixels)
+    status, out, _ = run(capsys, tmp_path / "twice.npy", mine)
+    assert status == compare_command.DIFFERENT and "1. factor-2" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["none.exr", "a.npy"], "none.exr: no such picture"),
+        (["a.npy"], "name one picture and --scene, or two pictures"),
+        (["a.npy", "small.npy"], "a.npy has 48 x 32 pixels, the reference 3 x 2"),
+        (["nan.npy", "a.npy"], "nan.npy: 1 pixels are NaN or infinite, the first at x = 4"),
+        (["two.npy", "a.npy"], "two.npy: the channels 0, 1; R, G, B or Y are possible"),
+        (["a.npy", "--scene", "none.xml"], "none.xml"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, says):
+    monkeypatch.chdir(tmp_path)
+    good = np.ones((32, 48, 3), np.float32)
+    broken = good.copy()
+    broken[2, 4, 1] = np.nan
+    for name, pixels in {
+        "a": good,
+        "small": good[:2, :3],
+        "nan": broken,
+        "two": good[..., :2],
+    }.items():
+        np.save(f"{name}.npy", pixels)
+    status, out, err = run(capsys, *words)
+    assert (status, out) == (compare_command.WRONG_USE, "")
+    assert says in err and err.count("\n") == 1
+
+
+def test_pictures_of_8_bits_are_decoded_with_a_note(tmp_path):
+    from PIL import Image
+
+    path = tmp_path / "a.png"
+    Image.fromarray(np.full((2, 3, 3), 188, np.uint8)).save(path)
+    pixels, notes = read_picture(path)
+    np.testing.assert_allclose(pixels, 0.5028, atol=1e-3)
+    assert "8 bits a channel" in notes[0]
+    with pytest.raises(SceneError, match="no such picture"):
+        read_picture(tmp_path / "b.png")
+
+
+def test_every_mistake_of_the_table_can_be_made():
+    """Its edits fit the sources, and its needs are features that are known."""
+    everything = read_string(SCENE)
+    for feature in FEATURES.values():
+        assert feature(everything) in (True, False)
+    names = {mistake.name for mistake in algorithm_mistakes(everything)}
+    assert {"missing-cosine", "no-shadows", "no-falloff", "acne"} <= names
+    assert "texture-gamma" not in names  # the scene has no texture
+    for mistake in algorithm_mistakes(everything):
+        assert mutated_files(mistake.mutation)
+
+
+def test_scenes_that_were_read_wrongly_differ_from_it():
+    found = {name for name, *_ in reading_mistakes(read_string(SCENE))}
+    assert found == {
+        "one-bounce-fewer",
+        "one-bounce-more",
+        "depth-limited",
+        "fov-axis",
+        "light-missing",
+        "normals-not-interpolated",  # a cube has them, and they change nothing
+    }
