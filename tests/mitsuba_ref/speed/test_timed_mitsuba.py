@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from closed_room import CLOSED_ROOM
 
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant_process import find_llvm
+from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 
 
@@ -85,3 +87,15 @@ def test_newest_usable_llvm_is_found(tmp_path: Path) -> None:
     assert find_llvm([str(tmp_path)]) == tmp_path / "libLLVM.so.17.0"
     (tmp_path / "libLLVM.so.17.0").unlink()
     assert find_llvm([str(tmp_path)]) is None
+
+
+def test_rays_of_a_path_in_a_closed_room(room: Path) -> None:
+    """Depth 4 without roulette, nothing to escape through, one point light: every path
+    has 4 rays to surfaces, and a shadow ray from each surface but the last: 7.
+    """
+    assert mean_rays_per_path(room, {}, max_depth=4, rr_depth=100, paths=64) == 7.0
+    assert mean_rays_per_path(room, {}, max_depth=1, rr_depth=100, paths=64) == 1.0
+    endless = mean_rays_per_path(room, {}, max_depth=-1, rr_depth=1, paths=2048)
+    # Albedo 1/2: the path survives its n-th bounce with probability 1/2, so it has
+    # 1 + 1/2 + 1/4 + ... = 2 surfaces, each with one ray to it and one to the light.
+    assert endless == pytest.approx(4.0, abs=6 * 2 * np.sqrt(2 / 2048))
