@@ -210,8 +210,7 @@ def other_renderers(
     except (ImportError, MitsubaError, SceneError) as error:
         why = str(error)
         if f"No module named '{package}'" in why:
-            install = "install lightproof[peers], or name a Python that has it in"
-            why = f"{package} is not installed: {install} {variable}"
+            why = f"{package} is not installed; {variable} may name a Python that has it"
         return {}, {program: why}
     return {f"{program}, {peer.loaded['sampler']}": render}, {}
 

@@ -108,7 +108,7 @@ def _cases() -> list[str]:
 STUDY = Study(
     title="Where methods fail",
     sentence="Under which stress does each method give way, why, and what to do instead?",
-    minutes=6,
+    minutes=8,
     quick_minutes=4,
     cases=_cases,
     quick_cases=[name for name, case in every_case().items() if not case.slow],
