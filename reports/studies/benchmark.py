@@ -31,12 +31,12 @@ from reports.trials.contenders import (
     compare_means,
     load_all,
     remembered,
-    scene_file,
 )
 from reports.trials.first_pictures import start_seconds
 from reports.trials.large_meshes import FREQUENCY, LARGE, written
 from reports.trials.meshes import displaced_icosphere, teapot
 from reports.trials.ray_times import Effort, time_rays
+from reports.trials.scene_files import scene_file
 from reports.trials.structures import NAIVE
 from reports.trials.tracing import tallied
 

@@ -25,7 +25,7 @@ from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import median_interval, ratio, take_turns
 from reports.trials.cluster_simulation import CASES, Costs, simulate
-from reports.trials.contenders import scene_file
+from reports.trials.scene_files import scene_file
 
 HERE, SIMULATED = "this machine", "simulated clusters"
 SCENE = "cornell-box"

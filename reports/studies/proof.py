@@ -23,6 +23,7 @@ from reports.look.heat_map import ramp_colours
 from reports.look.pictures import LUMINANCE, signed_difference
 from reports.trials import compared_scenes
 from reports.trials.compared_scenes import SceneImages, option, verdict_rows
+from reports.trials.scene_files import scene_names
 
 
 def session(cases: Sequence[str], bench: Bench) -> AbstractContextManager[Any]:
@@ -123,7 +124,7 @@ STUDY = Study(
     "others, does any test tell their pictures apart?",
     minutes=20,
     quick_minutes=6,
-    cases=compared_scenes.scene_names,
+    cases=scene_names,
     any_case=True,
     axis="samples per pixel",
     options={

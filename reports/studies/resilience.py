@@ -22,7 +22,7 @@ import psutil
 
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
-from reports.trials.contenders import scene_file
+from reports.trials.scene_files import scene_file
 
 SCENE = "cornell-box"
 COMPARED = "both files, byte by byte"

@@ -18,6 +18,7 @@ from reports.look.formatting import number
 from reports.look.pictures import signed_difference
 from reports.trials import compared_scenes
 from reports.trials.compared_scenes import SceneImages, option, verdict_rows
+from reports.trials.scene_files import scene_names
 
 OURS = "lightproof"
 
@@ -115,7 +116,7 @@ STUDY = Study(
     sentence="Does this renderer draw the same pictures as Mitsuba, up to noise?",
     minutes=4,
     quick_minutes=1,
-    cases=compared_scenes.scene_names,
+    cases=scene_names,
     any_case=True,
     options={
         "size": "demo or test: which size of a scene's proof.toml",

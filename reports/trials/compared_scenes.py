@@ -30,35 +30,9 @@ from reports.errors import ReportError
 from reports.look import pictures
 from reports.look.formatting import metric_name, slug
 from reports.look.results import read_results
+from reports.trials.scene_files import scene_file
 
 Compare = Callable[[str, Callable[[str], None]], SceneResult]
-
-
-def scene_names() -> list[str]:
-    """Return the names of the scenes of this repository."""
-    return [path.parent.name for path in sorted(_scenes().glob("*/scene.xml"))]
-
-
-def scene_file(case: str) -> Path:
-    """Return the file of a scene: a name of `scenes/`, a scene file or its folder.
-
-    Raises
-    ------
-    ReportError
-        If there is no such scene.
-    """
-    named = _scenes() / case / "scene.xml"
-    path = named if named.is_file() else Path(case)
-    path = path / "scene.xml" if path.is_dir() else path
-    if not path.is_file():
-        names = ", ".join(scene_names())
-        raise ReportError(f"scene {case!r}: no such file; names of scenes are {names}")
-    return path
-
-
-def _scenes() -> Path:
-    here = Path("scenes")
-    return here if here.is_dir() else Path(__file__).resolve().parents[2] / "scenes"
 
 
 def record_file(bench: Bench, case: str) -> Path:

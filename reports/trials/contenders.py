@@ -24,9 +24,7 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, welch
 from renderer.scene.scene import Scene
-from reports.errors import ReportError
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
 OURS = "lightproof"
 REFERENCE = "mitsuba scalar_rgb"  # its pictures are the truth
 PEERS = {REFERENCE: "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}
@@ -236,26 +234,6 @@ def remembered(contender: Contender) -> Contender:
         return Render(made.seconds, made.mean)
 
     return render
-
-
-def scene_names() -> list[str]:
-    """Return the names of all folders in scenes/ with a scene."""
-    return sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
-
-
-def scene_file(given: str) -> Path:
-    """Return the scene file for a path, a folder, or the name of one of scenes/.
-
-    Raises
-    ------
-    ReportError
-        If there is no such file.
-    """
-    for place in (Path(given), Path("scenes") / given, SCENES / given):
-        file = place / "scene.xml" if place.is_dir() else place
-        if file.is_file():
-            return file.resolve()
-    raise ReportError(f"{given}: no such scene file, and no such folder in scenes/")
 
 
 def _rgb(values: NDArray[Any]) -> Rgb:

@@ -6,7 +6,6 @@ loaded when it is made, and it has rendered once, so that nothing compiles when 
 
 from __future__ import annotations
 
-import functools
 import os
 import shutil
 import sys
@@ -26,14 +25,13 @@ from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.reference.errors import MitsubaError, MitsubaTimeout
 from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, welch
 from renderer.errors import SceneError
 from renderer.process.names import SAMPLERS
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
+from reports.trials.contenders import OURS, Render, compare_means, remembered
 from reports.trials.plain_scenes import write_plain_scene
 
-OURS = "lightproof"
 VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
 THEIR_SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 METHODS = ("direct", "path", "whitted")
@@ -66,10 +64,6 @@ OTHERS = {
 ANEW = "it goes through all instances anew for each picture"
 
 CHECK_SEEDS, CHECK_SPP = range(12), 4
-# Of one comparison, all three channels together. A whole run makes some 350: one right
-# contender is stopped in a hundred runs.
-ALPHA = 3e-5
-ROUNDING = 1e-5  # float32 pictures of one noiseless scene differ by rounding alone
 
 Picture = NDArray[np.float64]  # (height, width, 3)
 Shot = tuple[float, Picture]
@@ -218,35 +212,23 @@ def other_renderers(
 def means_apart(contenders: Mapping[str, Contender], judge: str) -> dict[str, str]:
     """Return the contenders whose image mean differs from the judge's, and how much.
 
-    A right contender is among them with a probability of `ALPHA`. The seeds are fixed, so
-    the result repeats. The standard error comes from the scatter over seeds, never over
-    pixels: a reconstruction filter makes neighbouring pixels depend on one another.
+    A right contender is among them with the probability `contenders.ALPHA`. The seeds are
+    fixed, so the result repeats.
     """
-
-    @functools.cache  # the judge's are used for each of the others
-    def means(name: str) -> NDArray[np.float64]:
-        # different seeds, so that renderers of one origin share no random numbers
-        first = 0 if name == judge else len(CHECK_SEEDS)
-        pictures = (contenders[name](first + seed, CHECK_SPP)[1] for seed in CHECK_SEEDS)
-        return np.array([picture.mean(axis=(0, 1)) for picture in pictures])
-
+    judged = remembered(_mean_of(contenders[judge]))  # used for each of the others
     found = {}
-    for name in contenders:
-        if name == judge:
-            continue
-        one, other = means(name), means(judge)
-        if np.isfinite(one).all() and np.isfinite(other).all():
-            result = welch(one, other, ROUNDING)
-            if sidak_p(float(np.min(result.p)), result.p.size) >= ALPHA:
-                continue
-            limit = critical_t(ALPHA, result.p.size, float(np.min(result.degrees)))
-            apart = ", ".join(f"{t:.4g}" for t in result.t)
-            detail = f"{apart} standard errors apart (limit {limit:.2g})"
-        else:
-            detail = "not all finite"
-        first, second = (
-            ", ".join(f"{value:.4g}" for value in values.mean(axis=0))
-            for values in (one, other)
-        )
-        found[name] = f"image means of {name} ({first}) and {judge} ({second}) are {detail}"
+    for name, contender in contenders.items():
+        if name != judge:
+            means = compare_means(_mean_of(contender), judged, CHECK_SEEDS, CHECK_SPP)
+            if not means.passed:
+                found[name] = means.sentence(name, judge)
     return found
+
+
+def _mean_of(contender: Contender) -> Callable[[int, int], Render]:
+    def render(seed: int, spp: int) -> Render:
+        seconds, picture = contender(seed, spp)
+        red, green, blue = (float(value) for value in picture.mean(axis=(0, 1)))
+        return Render(seconds, (red, green, blue))
+
+    return render
