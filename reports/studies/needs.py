@@ -27,9 +27,9 @@ from reports.look.pictures import (
     tone_mapped,
 )
 from reports.pages.needs_page import FULL, FULL_COLOUR, verdict
+from reports.trials.scene_files import scene_file, scene_names
 from reports.trials.simpler_scenes import Simpler, Trial, mean_picture, needs_of
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
 OPTIONS = {
     "tolerance": "largest loss of the least model, such as 1% (default) or 0.01: root mean "
     "relative squared difference, upper end of the interval",
@@ -42,7 +42,7 @@ OPTIONS = {
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield the losses of one scene, its least model and the command that renders it."""
-    path, given = scene_path(case), bench.options
+    path, given = scene_file(case), bench.options
     tolerance = _number(given, "tolerance", 0.01)
     trial = Trial(
         renderer.load_file(path, **_parameters(path, given)),
@@ -100,27 +100,6 @@ def _around(value: float, half_width: float) -> tuple[float, float]:
     return value - half_width, value + half_width
 
 
-def scene_path(case: str) -> Path:
-    """Return the file of a scene of `scenes/`, or of any folder or path.
-
-    Raises
-    ------
-    OptionError
-        If there is none.
-    """
-    for path in (SCENES / case / "scene.xml", Path(case) / "scene.xml", Path(case)):
-        if path.is_file():
-            return path
-    raise OptionError(
-        f"{case}: no such scene file; there are the scenes {', '.join(names())}"
-    )
-
-
-def names() -> Sequence[str]:
-    """Return the names of the scenes in `scenes/`."""
-    return [path.parent.name for path in sorted(SCENES.glob("*/scene.xml"))]
-
-
 def command(path: Path, words: Sequence[str]) -> str:
     """Return the command that renders the model."""
     named = [part for word in words for part in ("--simplify", word)]
@@ -134,7 +113,7 @@ def content(case: str, options: Mapping[str, str]) -> str:
     """
     digest = hashlib.sha256()
     try:
-        path = scene_path(case)
+        path = scene_file(case)
         scene = renderer.load_file(path, **_parameters(path, options))
         for file in map(Path, scene.description.files):
             held = file.read_bytes()
@@ -171,7 +150,7 @@ STUDY = Study(
     "time does that save?",
     minutes=20,
     quick_minutes=6,
-    cases=names,
+    cases=scene_names,
     any_case=True,
     options=OPTIONS,
     inputs=content,

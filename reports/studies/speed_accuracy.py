@@ -34,6 +34,7 @@ from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
 from reports.trials.large_meshes import LARGE, written
 from reports.trials.noiseless import has_noise, measure_noiseless
 from reports.trials.references import long_picture
+from reports.trials.scene_files import scene_file, scene_names
 from reports.trials.timed_renderers import (
     JUDGES,
     OTHERS,
@@ -47,7 +48,6 @@ from reports.trials.timed_renderers import (
     our_renderers,
 )
 
-SCENES = Path(__file__).parents[2] / "scenes"
 DIGITS = 4
 Errors = dict[str, list[list[float]]]  # of a contender, at each number of samples, by seed
 
@@ -55,7 +55,7 @@ Errors = dict[str, list[list[float]]]  # of a contender, at each number of sampl
 def cases() -> list[str]:
     """Return the folders of scenes/ and the generated scenes."""
     return [
-        *sorted(path.parent.name for path in SCENES.glob("*/scene.xml")),
+        *scene_names(),
         *LARGE,
         *ARCHITECTURE,
     ]
@@ -88,18 +88,13 @@ def settings_of(bench: Bench) -> Settings:
 
 
 @contextmanager
-def scene_file(case: str) -> Iterator[Path]:
+def opened_scene(case: str) -> Iterator[Path]:
     """Give the file of a case: a folder of scenes/, a generated scene, or a path."""
     if case in LARGE:
         with written([case]) as (path,):
             yield path
         return
-    path = architecture_scene(case) if case in ARCHITECTURE else Path(case)
-    if (known := SCENES / case / "scene.xml").is_file():
-        path = known
-    if not path.is_file():
-        raise ReportError(f"{case}: no such scene file; there are {', '.join(cases())}")
-    yield path
+    yield architecture_scene(case) if case in ARCHITECTURE else scene_file(case)
 
 
 def parameters_of(path: Path, side: int) -> dict[str, str]:
@@ -119,7 +114,7 @@ def parameters_of(path: Path, side: int) -> dict[str, str]:
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield the rows of one scene."""
     settings = settings_of(bench)
-    with scene_file(case) as path, tempfile.TemporaryDirectory() as folder:
+    with opened_scene(case) as path, tempfile.TemporaryDirectory() as folder:
         parameters = parameters_of(path, settings.side)
         if has_noise(path, read_proof(path).deterministic, **parameters):
             yield from noisy(case, path, parameters, settings, Path(folder), bench)

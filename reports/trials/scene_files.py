@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reports.errors import ReportError
+from reports.errors import OptionError
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -19,7 +19,7 @@ def scene_file(given: str) -> Path:
 
     Raises
     ------
-    ReportError
+    OptionError
         If there is no such file.
     """
     for place in (Path(given), SCENES / given):
@@ -27,4 +27,4 @@ def scene_file(given: str) -> Path:
         if file.is_file():
             return file.resolve()
     names = ", ".join(scene_names())
-    raise ReportError(f"scene {given!r}: no such file; names of scenes are {names}")
+    raise OptionError(f"scene {given!r}: no such file; names of scenes are {names}")

@@ -351,7 +351,9 @@ def test_a_wrong_setting_is_one_line(path, tmp_path, capsys, option, told):
 
 def test_an_unknown_scene_is_one_line(tmp_path, capsys):
     assert main(words("cornel-box", tmp_path)) == 2
-    assert "cornel-box: no such scene file; there are the scenes" in capsys.readouterr().err
+    assert (
+        "scene 'cornel-box': no such file; names of scenes are" in capsys.readouterr().err
+    )
 
 
 def test_the_content_of_a_scene_is_that_of_all_its_files(tmp_path):

@@ -29,6 +29,7 @@ from reports.bench.rows import Row
 from reports.bench.runner import Request, run_study
 from reports.bench.store import Store
 from reports.bench.study import find_study
+from reports.errors import ReportError
 from reports.look.formatting import number
 from reports.pages.speed_accuracy_page import (
     BEST,
@@ -368,8 +369,8 @@ def test_a_small_room_from_end_to_end(measured, monkeypatch, tmp_path):
     assert facts["reference"] == f"64 samples of {PEER}, multijitter, in 8 pictures"
     (picture,) = rows.where(quantity="picture")
     assert (tmp_path / picture.value).is_file()
-    (fault,) = measured("none.xml")[0]
-    assert "none.xml: no such scene file; there are analytic-shapes" in fault
+    with pytest.raises(ReportError, match=r"none\.xml': no such file; names of scenes are"):
+        measured("none.xml")
 
 
 def test_a_still_scene_from_end_to_end(measured, monkeypatch):

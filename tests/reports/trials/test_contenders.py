@@ -22,9 +22,8 @@ from reports.trials.contenders import (
     load_all,
     ours,
     remembered,
-    scene_file,
-    scene_names,
 )
+from reports.trials.scene_files import scene_file, scene_names
 
 
 def noisy(level: float, spread: float) -> Callable[[int, int], Render]:
@@ -137,5 +136,5 @@ def test_scenes_are_found_by_name_folder_and_path() -> None:
     path = scene_file("metals")
     assert path.name == "scene.xml" and "metals" in scene_names()
     assert scene_file(str(path)) == scene_file(str(path.parent)) == path
-    with pytest.raises(ReportError, match="nothing: no such scene file"):
+    with pytest.raises(ReportError, match="scene 'nothing': no such file"):
         scene_file("nothing")
