@@ -92,9 +92,9 @@ FOR_TYPES = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n"
     ("module", "line"),
     [
         ("renderer/a.py", "def f():\n    from mitsuba.scalar_rgb import load_file"),
-        ("reports/a.py", "import drjit"),
+        ("reports/studies.py", "import drjit"),
         ("renderer/a.py", "import mitsuba_ref"),
-        ("mitsuba_ref/a.py", "from reports import page"),
+        ("mitsuba_ref/a.py", "from reports import command"),
         ("mitsuba_ref/records/a.py", "import mitsuba_ref.reference"),
         ("renderer/plugins/a.py", "import renderer.integrators.stages"),
         ("renderer/integrators/stages/a.py", "import renderer.replay"),
@@ -117,7 +117,7 @@ def test_the_import_contract_catches(module, line, tmp_path):
         (tmp_path / room / "__init__.py").write_text(
             "import mitsuba, renderer, drjit\n" if theirs else ""
         )
-    (tmp_path / "reports" / "page.py").write_text("import mitsuba_ref.reference\n")
+    (tmp_path / "reports" / "command.py").write_text("import mitsuba_ref.reference\n")
     # half of a circle
     half = "import renderer.scene_file.meshes\n"
     (tmp_path / "renderer" / "scene_file" / "b.py").write_text(half)

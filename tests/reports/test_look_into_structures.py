@@ -10,6 +10,7 @@ from headless_browser import Browser, Page
 
 from reports.bench.rows import Row, Run, Table
 from reports.bench.study import Bench
+from reports.look.shared_files import write_shared_files
 from reports.pages.accelerators_page import accelerators_page
 from reports.studies.accelerators import COUNTS, INSIDE, STUDY
 from reports.trials.inside import Looks, script
@@ -60,6 +61,7 @@ def looks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Wal
     table = Table(tuple(replace(row, run="r") for row in rows), {"r": run})
     page = folder / "accelerators.html"
     page.write_text(accelerators_page("accelerators", STUDY, table), encoding="utf-8")
+    write_shared_files(folder, [])
     return page, walks
 
 
