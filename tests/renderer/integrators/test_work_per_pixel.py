@@ -173,7 +173,7 @@ def test_an_exr_holds_the_counters_by_name(tmp_path, capsys):
 
 
 def test_an_unknown_integrator_lists_this_one_too():
-    with pytest.raises(SceneError, match=r"depth, aov, work$"):
+    with pytest.raises(SceneError, match=r"depth, aov, work; did you mean work\?$"):
         renderer.render(view(CUBE), integrator="wrok")
 
 
