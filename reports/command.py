@@ -15,9 +15,9 @@ from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status, statuses_in_words
 from reports.bench.rows import Table
-from reports.bench.runner import Request, run_study
+from reports.bench.runner import Request, cases_of, run_study
 from reports.bench.store import Store
-from reports.bench.study import Study, find_study, page_file, study_names
+from reports.bench.study import Study, available_studies, find_study, page_file
 from reports.errors import ReportError
 from reports.look.shared_files import write_shared_files
 from reports.pages.history_page import history_page
@@ -54,8 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         everything = given.studies == [ALL] or (
             not given.studies and (given.keep or given.draw)
         )
-        names = study_names() if everything else given.studies or [DEFAULT_STUDY]
-        studies = {name: find_study(name) for name in names}
+        names = given.studies or [DEFAULT_STUDY]
+        studies = available_studies() if everything else {n: find_study(n) for n in names}
         if given.keep:
             for name, study in studies.items():
                 _say(store.keep(name, study.goes_on))
@@ -74,6 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _options(given.set or ()),
                 given.out,
             )
+            for name, study in studies.items():
+                cases_of(name, study, request)  # wrong words are told before a long run
             with shown_stages() as show:
                 for name, study in studies.items():
                     try:
@@ -82,6 +84,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         console.print(f"{name}: interrupted, what ended is stored")
                         status = INTERRUPTED
                         break
+                    except ReportError as error:
+                        if len(studies) == 1:
+                            raise
+                        # the other studies are measured
+                        console.print(f"{name}: {error}", markup=False, soft_wrap=True)
+                        status = WRONG_USE
         for name, study in studies.items():
             draw(name, study, store, given.out)
             table = table_of(name, study, store)
@@ -129,7 +137,7 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
 
 def draw_index(store: Store, out: Path) -> Path:
     """Draw the page of all pages, and the files that all pages load; return its path."""
-    studies = {name: find_study(name) for name in study_names()}
+    studies = available_studies()
     tables = {
         name: (study, table_of(name, study, store)) for name, study in studies.items()
     }
@@ -166,8 +174,7 @@ def _function(place: str) -> Any:
 
 
 def _list() -> None:
-    for name in study_names():
-        study = find_study(name)
+    for name, study in available_studies().items():
         _say(f"{name:20} {study.sentence} ({study.minutes:g} min)")
 
 

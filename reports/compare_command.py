@@ -16,7 +16,7 @@ import numpy as np
 import renderer
 from mitsuba_ref.command.stages import Show, shown_stages
 from mitsuba_ref.diagnosis.diagnose import LIKELY, Diagnosis, diagnose
-from mitsuba_ref.diagnosis.difference import FALSE_ALARMS, local_brightness
+from mitsuba_ref.diagnosis.difference import FALSE_ALARMS, SMALLEST, local_brightness
 from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, Prediction
 from mitsuba_ref.diagnosis.picture_files import read_picture
 from mitsuba_ref.diagnosis.scene_mistakes import (
@@ -27,11 +27,14 @@ from mitsuba_ref.diagnosis.scene_mistakes import (
 )
 from mitsuba_ref.ladder.pictures_by_seed import reference_seed
 from mitsuba_ref.missing_packages import is_installed
+from mitsuba_ref.our_renderer.picture import Array, render_ours
+from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import SceneError
+from renderer.rendering.render_options import parse_count
 from renderer.scene_file import read_file_with
 from renderer.scene_file.description import SceneDescription
 
@@ -43,11 +46,9 @@ SAMPLES_OF_A_MISTAKE = 32
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A diagnosis, and the two pictures that it is of."""
+    """A diagnosis, and how the pictures were read."""
 
     diagnosis: Diagnosis
-    picture: Floats
-    reference: Floats
     notes: tuple[str, ...]
 
 
@@ -68,7 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.write(line + "\n")
     if given.json:
         text = json.dumps(as_record(compared.diagnosis), indent=1)
-        given.json.write_text(text + "\n", encoding="utf-8")
+        try:
+            write_atomically(given.json, f"{text}\n".encode())
+        except OSError as error:
+            sys.stderr.write(f"lightproof compare: {given.json}: {error.strerror}\n")
+            return WRONG_USE
     return DIFFERENT if compared.diagnosis.difference.differs else SAME
 
 
@@ -81,6 +86,8 @@ def compare_pictures(given: argparse.Namespace, show: Show) -> Compared:
         If a file, a size or the scene is refused.
     """
     ours, theirs = _split(given)
+    if given.json and not given.json.resolve().parent.is_dir():
+        raise SceneError(f"{given.json}: there is no such folder")
     pictures, notes = _read(ours)
     picture = np.mean(pictures, axis=0)
     if given.scene is None:
@@ -97,16 +104,25 @@ def compare_pictures(given: argparse.Namespace, show: Show) -> Compared:
             f"{ours[0]} has {picture.shape[1]} x {picture.shape[0]} pixels, the reference "
             f"{references[0].shape[1]} x {references[0].shape[0]}; equal sizes are needed"
         )
+    if min(picture.shape[:2]) < (smallest := max(SMALLEST, 4 * lag)):
+        raise SceneError(
+            f"{ours[0]} has {picture.shape[1]} x {picture.shape[0]} pixels; in pictures of "
+            f"fewer than {smallest} x {smallest} noise cannot be told from a difference"
+        )
     reference = np.mean(references, axis=0)
-    evidence = Evidence(picture, reference, local_brightness(reference))
+    scale = local_brightness(reference, lag)
+    aovs, shapes = ({}, {}) if given.scene is None else _seen(given, scene, show)
+    evidence = Evidence(picture, reference, scale, aovs, shapes)
     show("comparing")
     diagnosis = diagnose(evidence, references, lag, slower)
-    return Compared(diagnosis, picture, reference, (*notes, *more))
+    return Compared(diagnosis, (*notes, *more))
 
 
 def _split(given: argparse.Namespace) -> tuple[list[Path], list[Path]]:
     """Return the pictures in question and those of the reference."""
     if given.scene is not None:
+        if given.reference:
+            raise SceneError("--scene renders the reference: leave out --with")
         return given.pictures, []
     if given.reference:
         return given.pictures, given.reference
@@ -154,6 +170,16 @@ def _rendered(
             show(f"reference {k + 1} of {SEEDS}, by Mitsuba")
             found.append(cache.get(request, scene.files).pixels.astype(np.float64))
     return found
+
+
+def _seen(
+    given: argparse.Namespace, scene: SceneDescription, show: Show
+) -> tuple[dict[str, Array], dict[int, str]]:
+    """Return the AOVs at the centres of pixels, and the names of shapes by their index."""
+    show("rendering depth, normals and shapes")
+    request = RenderRequest(str(given.scene), dict(given.define), kind="aovs")
+    names = {k: shape.id or f"number {k + 1}" for k, shape in enumerate(scene.every_shape)}
+    return render_ours(request).arrays, names
 
 
 def _slower(
@@ -273,7 +299,7 @@ def _parser() -> argparse.ArgumentParser:
         help="pictures of the reference, with other seeds",
     )
     add("--by", choices=("mitsuba", "ours"), help="who renders the reference")
-    add("--spp", type=int, help="samples of each of the four reference pictures")
+    add("--spp", type=parse_count, help="samples of each of the four reference pictures")
     add(
         "-D",
         dest="define",

@@ -148,7 +148,10 @@ def try_mutant(
                     return outcome("killed", rung)
         for start, tests in UNIT_TESTS.items():
             if mutant.symbol.startswith(start):
-                run = harmed.run_tests(tests)
+                try:
+                    run = harmed.run_tests(tests)
+                except MutantError as error:  # pytest died, or did not end
+                    return outcome("killed", Rung(TESTS, True, str(error), None, 0.0))
                 if run.failed:
                     failed = "; ".join(run.failed)
                     return outcome("killed", Rung(TESTS, True, failed, None, run.seconds))
@@ -209,9 +212,9 @@ def try_sample(
         scene = scenes[mutant.symbol]
         folder = mutant_name(mutant.mutation(scene))
         kept = cache_folder("mutants") / "outcomes" / f"{folder}.json"
-        if kept.is_file():
-            outcome = from_json(kept.read_bytes(), Outcome)
-        else:
+        outcome = from_json(kept.read_bytes(), Outcome) if kept.is_file() else None
+        # a survivor is tried again: it may have got its test since
+        if outcome is None or outcome.verdict == "survived":
             outcome = try_mutant(mutant, scene, shared, broken_on(scene))
             write_json(outcome, kept)
             # its kernels take 5 MB

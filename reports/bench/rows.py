@@ -33,7 +33,8 @@ class Row:
         Place on the axis of the study: samples per pixel, strength of a stress. None if
         the study has no axis.
     interval
-        95 % confidence interval of the value.
+        95 % confidence interval of the value; of fewer than six repeats the least and the
+        greatest (94 % for five, 75 % for three).
     study, run
         Name of the study, and identifier of the `Run` with the circumstances. The runner
         sets both.

@@ -12,8 +12,8 @@ from uuid import uuid4
 from mitsuba_ref.command.stages import Show
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.other_programs import BusyClock
-from reports.bench.rows import Done, Row, Run, Table
-from reports.bench.store import Store
+from reports.bench.rows import Done, Row, Run
+from reports.bench.store import Line, Store
 from reports.bench.study import Bench, Study
 from reports.bench.without_paths import without_paths
 from reports.errors import OptionError, ReportError
@@ -34,6 +34,22 @@ class Request:
     folder: Path = Path("reports/out")
 
 
+def cases_of(name: str, study: Study, request: Request) -> list[str]:
+    """Return the cases of a study that a request is about.
+
+    Raises
+    ------
+    ReportError
+        If the study has not such an option or case.
+    """
+    if unknown := set(request.options) - set(study.options):
+        possible = ", ".join(study.options) or "none"
+        raise ReportError(
+            f"study {name} has no option {min(unknown)!r}; there are: {possible}"
+        )
+    return study.chosen(request.cases, request.quick)
+
+
 def run_study(name: str, study: Study, request: Request, show: Show) -> list[str]:
     """Measure the cases of a study and store their rows; return the faults.
 
@@ -45,12 +61,7 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
     ReportError
         If a case is unknown, an option is wrong, or the store cannot be read.
     """
-    if unknown := set(request.options) - set(study.options):
-        possible = ", ".join(study.options) or "none"
-        raise ReportError(
-            f"study {name} has no option {min(unknown)!r}; there are: {possible}"
-        )
-    cases = study.chosen(request.cases, request.quick)
+    cases = cases_of(name, study, request)
     store = request.store
     run = Run(
         run=uuid4().hex[:8],
@@ -58,11 +69,11 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
         options=dict(request.options),
         **circumstances("reports", request.words),
     )
-    earlier = store.everything(name)
+    earlier, lines = store.everything(name), store.lines(name)
     left = [
         case
         for case in cases
-        if request.again or study.goes_on or not _measured(case, study, run, earlier)
+        if request.again or study.goes_on or not _measured(case, study, run, lines)
     ]
     store.append(name, [run])
     if cases and not left:
@@ -129,20 +140,26 @@ def _expected(study: Study, quick: bool) -> float:
     return 60.0 * (study.minutes if minutes is None else minutes)
 
 
-def _measured(case: str, study: Study, run: Run, earlier: Table) -> bool:
+def _measured(case: str, study: Study, run: Run, lines: Sequence[Line]) -> bool:
     """Return whether this commit has measured a case with the same settings.
 
     A case with a fault counts as not measured, so that the fault is found and told again.
     """
-    stored = without_paths(case)
-    done = earlier.done.get(stored)
-    before = earlier.runs.get(done.run) if done else None
-    return (
-        done is not None
-        and before is not None
-        and not run.commit.endswith("-dirty")
-        and (before.commit, before.quick, before.options)
-        == (run.commit, run.quick, run.options)
-        and not earlier.where(case=stored, run=done.run, quantity="fault")
-        and done.inputs == study.inputs(case, run.options)
+    stored, inputs = without_paths(case), study.inputs(case, run.options)
+    settings = run.commit, run.quick, run.options
+    same = {
+        line.run
+        for line in lines
+        if isinstance(line, Run) and (line.commit, line.quick, line.options) == settings
+    }
+    same -= {
+        line.run
+        for line in lines
+        if isinstance(line, Row) and line.case == stored and line.quantity == "fault"
+    }
+    return not run.commit.endswith("-dirty") and any(
+        isinstance(line, Done)
+        and (line.done, line.inputs) == (stored, inputs)
+        and line.run in same
+        for line in lines
     )

@@ -65,22 +65,18 @@ class Store:
         ReportError
             One line: file, line, what is wrong.
         """
-        return newest(
-            [
-                *read_lines(self.measured / f"{study}{ENDING}"),
-                *read_lines(self.folder / f"{study}{ENDING}"),
-            ]
-        )
+        return newest(self.lines(study))
+
+    def lines(self, study: str) -> list[Line]:
+        """Return the lines of both files; what the repository keeps is not read twice."""
+        kept = read_lines(self.measured / f"{study}{ENDING}")
+        cases = {_case_of(line) for line in kept}
+        own = read_lines(self.folder / f"{study}{ENDING}")
+        return [*kept, *(line for line in own if _case_of(line) not in cases)]
 
     def everything(self, study: str) -> Table:
-        """Return all rows of a study, of all runs, also of interrupted ones.
-
-        A run that the repository keeps is not read a second time.
-        """
-        lines = read_lines(self.measured / f"{study}{ENDING}")
-        kept = {line.run for line in lines if isinstance(line, Run)}
-        own = read_lines(self.folder / f"{study}{ENDING}")
-        lines += [line for line in own if line.run not in kept]
+        """Return all rows of a study, of all runs, also of interrupted ones."""
+        lines = self.lines(study)
         return Table(
             tuple(line for line in lines if isinstance(line, Row)),
             {line.run: line for line in lines if isinstance(line, Run)},
@@ -90,8 +86,8 @@ class Store:
     def keep(self, study: str, goes_on: bool = False) -> str:
         """Copy what is worth it into the repository's file; return a sentence about it.
 
-        Kept are whole cases of runs of a commit without changes that are not quick and are
-        newer than those there. Pictures and files are left out.
+        Kept are whole cases that are not there yet, of full runs of a commit without
+        changes. Pictures and files are left out.
 
         Parameters
         ----------
@@ -108,14 +104,17 @@ class Store:
         """
         path = self.measured / f"{study}{ENDING}"
         there = read_lines(path)
-        dates = {line.run: line.created for line in there if isinstance(line, Run)}
-        own = read_lines(self.folder / f"{study}{ENDING}")
+        known = {_case_of(line) for line in there}
+        own = [
+            line
+            for line in read_lines(self.folder / f"{study}{ENDING}")
+            if _case_of(line) not in known or isinstance(line, Run)
+        ]
         good = {
             line.run
             for line in own
             if isinstance(line, Run)
             and line.full
-            and line.run not in dates
             and line.commit != "unknown"
             and not line.commit.endswith("-dirty")
         }
@@ -131,14 +130,27 @@ class Store:
         if goes_on:
             rows = added_up(rows)
         used = {row.run for row in rows}
+        runs = {line.run for line in there if isinstance(line, Run)}
         circumstances = [
-            line for line in own if not isinstance(line, Row) and line.run in used
+            line
+            for line in own
+            if line.run in used
+            and (line.run not in runs if isinstance(line, Run) else isinstance(line, Done))
         ]
         kept: list[Line] = [*circumstances, *rows]
         if not rows:
             return f"{study}: nothing new of a commit, measured in full"
         write_atomically(path, b"".join(map(_encoded, [*there, *kept])))
         return f"{study}: {len(rows)} rows kept"
+
+
+def _case_of(line: Line) -> tuple[str, str, bool]:
+    """Return the run and case of a line, and whether it names a file, which is not kept."""
+    if isinstance(line, Run):
+        return line.run, "", False
+    if isinstance(line, Done):
+        return line.run, line.done, False
+    return line.run, line.case, line.quantity in FILES
 
 
 def newest(lines: Iterable[Line]) -> Table:

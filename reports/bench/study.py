@@ -7,7 +7,7 @@ import io
 import pkgutil
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -223,12 +223,27 @@ def find_study(name: str) -> Study:
     Raises
     ------
     ReportError
-        If there is no study of this name.
+        If there is no study of this name, or a package that it needs is missing.
     """
     if name not in study_names():
         raise ReportError(
             f"study {name!r} is unknown; there are {', '.join(study_names())}"
         )
-    module = importlib.import_module(f"reports.studies.{name.replace('-', '_')}")
+    try:
+        module = importlib.import_module(f"reports.studies.{name.replace('-', '_')}")
+    except ModuleNotFoundError as error:
+        raise ReportError(
+            f"study {name} needs the package {error.name!r}; the extras of lightproof, "
+            "such as lightproof[cluster], install it"
+        ) from None
     study: Study = module.STUDY
     return study
+
+
+def available_studies() -> dict[str, Study]:
+    """Return the studies whose packages are installed, by name."""
+    found = {}
+    for name in study_names():
+        with suppress(ReportError):
+            found[name] = find_study(name)
+    return found

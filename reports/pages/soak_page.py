@@ -38,13 +38,20 @@ class Trial:
 
     @property
     def open(self) -> list[str]:
-        """The faults of the newest session; those of earlier ones are mended."""
-        return self.sessions[-1].sums.faults if self.sessions else []
+        """The faults since the newest full session, and of that; a quick one mends none."""
+        sessions = self.sessions[self._newest_full :]
+        return [fault for one in sessions for fault in one.sums.faults]
 
     @property
     def mended(self) -> list[str]:
         """The faults of earlier sessions."""
-        return [fault for one in self.sessions[:-1] for fault in one.sums.faults]
+        sessions = self.sessions[: self._newest_full]
+        return [fault for one in sessions for fault in one.sums.faults]
+
+    @property
+    def _newest_full(self) -> int:
+        full = [k for k, one in enumerate(self.sessions) if one.run.full]
+        return full[-1] if full else 0
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from reports.trials.first_pictures import start_seconds
 from reports.trials.large_meshes import FREQUENCY, LARGE, written
 from reports.trials.meshes import displaced_icosphere, teapot
 from reports.trials.ray_times import Effort, time_rays
-from reports.trials.scene_files import scene_file
+from reports.trials.scene_files import scene_content, scene_file
 from reports.trials.structures import NAIVE
 from reports.trials.tracing import tallied
 
@@ -292,6 +292,7 @@ STUDY = Study(
     minutes=12,
     quick_minutes=1.5,
     cases=(*PICTURES, *RAYS, START),
+    inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "metals", "teapot, diffuse rays", START),
     any_case=True,
     options={

@@ -22,7 +22,7 @@ from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import LEVEL
 from reports.look.formatting import number
-from reports.trials.scene_files import scene_file, scene_names
+from reports.trials.scene_files import scene_content, scene_file, scene_names
 
 NEAR = 0.2  # a claim this far from the truth at most, relative to it, is right
 FINER = 6.0  # times smaller is the error of what claims are compared with
@@ -139,6 +139,7 @@ STUDY = Study(
     minutes=25,
     quick_minutes=1,
     cases=scene_names,
+    inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "metals"),
     options={
         "error": "per cent that pictures are rendered to (10)",

@@ -10,7 +10,8 @@ from mitsuba_ref.false_alarms.measure import measure_convergence_alarms
 from mitsuba_ref.records.request import FEWEST_SEEDS
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
-from reports.trials.compared_scenes import option, scene_file
+from reports.trials.compared_scenes import option
+from reports.trials.scene_files import scene_content, scene_file
 
 SIZE, SPP = 32, 16  # pixels a side, samples per pixel
 
@@ -77,6 +78,7 @@ STUDY = Study(
     minutes=60,
     quick_minutes=6,
     cases=("cornell-box", "grey-furnace"),
+    inputs=lambda case, options: scene_content(case),
     any_case=True,
     options={"convergence": "yes: also the rungs of how fast the noise falls (long)"},
     measure=measure,

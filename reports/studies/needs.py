@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
 import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +26,7 @@ from reports.look.pictures import (
     tone_mapped,
 )
 from reports.pages.needs_page import FULL, FULL_COLOUR, verdict
-from reports.trials.scene_files import scene_file, scene_names
+from reports.trials.scene_files import scene_content, scene_file, scene_names
 from reports.trials.simpler_scenes import Simpler, Trial, mean_picture, needs_of
 
 OPTIONS = {
@@ -107,20 +106,11 @@ def command(path: Path, words: Sequence[str]) -> str:
 
 
 def content(case: str, options: Mapping[str, str]) -> str:
-    """Return a hash of every file that a scene reads; "" if it cannot be read.
-
-    Of the paths only the last names count, so that a clone elsewhere has the same.
-    """
-    digest = hashlib.sha256()
+    """Return a hash of what a case reads; "" if it cannot be read."""
     try:
-        path = scene_file(case)
-        scene = renderer.load_file(path, **_parameters(path, options))
-        for file in map(Path, scene.description.files):
-            held = file.read_bytes()
-            digest.update(f"{file.name}\0{len(held)}\0".encode() + held)
+        return scene_content(case, _parameters(scene_file(case), options))
     except (SceneError, OptionError, OSError):
         return ""
-    return digest.hexdigest()[:32]
 
 
 def _parameters(path: Path, options: Mapping[str, str]) -> dict[str, Any]:

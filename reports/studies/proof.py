@@ -23,7 +23,7 @@ from reports.look.heat_map import ramp_colours
 from reports.look.pictures import LUMINANCE, signed_difference
 from reports.trials import compared_scenes
 from reports.trials.compared_scenes import SceneImages, option, verdict_rows
-from reports.trials.scene_files import scene_names
+from reports.trials.scene_files import scene_content, scene_names
 
 
 def session(cases: Sequence[str], bench: Bench) -> AbstractContextManager[Any]:
@@ -125,6 +125,7 @@ STUDY = Study(
     minutes=20,
     quick_minutes=6,
     cases=scene_names,
+    inputs=lambda case, options: scene_content(case),
     any_case=True,
     axis="samples per pixel",
     options={

@@ -32,7 +32,7 @@ from renderer.scene.scene import Scene
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.look.formatting import number
-from reports.trials.scene_files import scene_file, scene_names
+from reports.trials.scene_files import scene_content, scene_file, scene_names
 
 EVEN, PILOT = 64, 16  # samples per pixel of a whole picture, and of its first stage
 SPREAD = 0.2  # of the second stage, evenly: a pilot may have met nothing somewhere
@@ -202,6 +202,7 @@ STUDY = Study(
     minutes=40,
     quick_minutes=2,
     cases=scene_names,
+    inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "caustic"),
     options={"side": "of a tile (16)", "seeds": "pictures (2)"},
     measure=measure,

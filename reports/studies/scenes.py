@@ -18,7 +18,7 @@ from reports.look.formatting import number
 from reports.look.pictures import signed_difference
 from reports.trials import compared_scenes
 from reports.trials.compared_scenes import SceneImages, option, verdict_rows
-from reports.trials.scene_files import scene_names
+from reports.trials.scene_files import scene_content, scene_names
 
 OURS = "lightproof"
 
@@ -117,6 +117,7 @@ STUDY = Study(
     minutes=4,
     quick_minutes=1,
     cases=scene_names,
+    inputs=lambda case, options: scene_content(case),
     any_case=True,
     options={
         "size": "demo or test: which size of a scene's proof.toml",

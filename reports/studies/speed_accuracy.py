@@ -31,14 +31,14 @@ from reports.bench.timing import Interval, median_interval
 from reports.errors import ReportError
 from reports.look.pictures import exposure_stops, tone_mapped
 from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
+from reports.trials.contenders import OURS
 from reports.trials.large_meshes import LARGE, written
 from reports.trials.noiseless import has_noise, measure_noiseless
 from reports.trials.references import long_picture
-from reports.trials.scene_files import scene_file, scene_names
+from reports.trials.scene_files import scene_content, scene_file, scene_names
 from reports.trials.timed_renderers import (
     JUDGES,
     OTHERS,
-    OURS,
     VARIANTS,
     Picture,
     Settings,
@@ -302,6 +302,7 @@ STUDY = Study(
     minutes=180,
     quick_minutes=15,
     cases=cases,
+    inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "textured-room", "caustic", "appel-teapot"),
     any_case=True,
     axis="samples per pixel",

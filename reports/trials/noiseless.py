@@ -23,10 +23,10 @@ from renderer.process.names import ACCELERATORS, RAY_OFFSETS, REPLAY
 from renderer.rendering.accuracy import relative_error, relative_squares
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
+from reports.trials.contenders import OURS
 from reports.trials.references import true_radiance
 from reports.trials.timed_renderers import (
     METHODS,
-    OURS,
     VARIANTS,
     Contender,
     Picture,

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
+from renderer.errors import SceneError
+from renderer.scene_file import read_file
 from reports.errors import OptionError
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -28,3 +32,18 @@ def scene_file(given: str) -> Path:
             return file.resolve()
     names = ", ".join(scene_names())
     raise OptionError(f"scene {given!r}: no such file; names of scenes are {names}")
+
+
+def scene_content(case: str, parameters: Mapping[str, str] | None = None) -> str:
+    """Return a hash of every file that a scene reads; "" if it cannot be read.
+
+    Of the paths only the last names count, so that a clone elsewhere has the same.
+    """
+    digest = hashlib.sha256()
+    try:
+        for file in map(Path, read_file(scene_file(case), **(parameters or {})).files):
+            held = file.read_bytes()
+            digest.update(f"{file.name}\0{len(held)}\0".encode() + held)
+    except (SceneError, OptionError, OSError):
+        return ""
+    return digest.hexdigest()[:32]

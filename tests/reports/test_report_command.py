@@ -12,7 +12,7 @@ from report_samples import scene, stopped_scene, write_results
 from mitsuba_ref.command.validation import Validated
 from reports import command
 from reports.bench.store import Store
-from reports.bench.study import Bench
+from reports.bench.study import Bench, find_study
 from reports.look.results import read_results
 from reports.trials import compared_scenes
 
@@ -20,7 +20,8 @@ from reports.trials import compared_scenes
 @pytest.fixture(autouse=True)
 def few_studies(monkeypatch):
     """The index of a test has these alone; others may have rows in the repository."""
-    monkeypatch.setattr(command, "study_names", lambda: ["scenes", "proof"])
+    few = {name: find_study(name) for name in ("scenes", "proof")}
+    monkeypatch.setattr(command, "available_studies", lambda: few)
 
 
 def run(folder, *scenes, words=()):

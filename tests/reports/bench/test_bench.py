@@ -148,6 +148,30 @@ def test_a_full_run_counts_before_a_quick_one(store, tmp_path):
     assert store.read("s").value(quantity="q") == "full"
 
 
+def test_a_full_measurement_is_not_repeated_after_a_quick_one(store, tmp_path):
+    seen = []
+
+    def measure(case, bench):
+        seen.append(bench.quick)
+        yield Row(case=case, quantity="q", value=1.0)
+
+    for quick in (False, True, False, True):
+        run(made(measure), store, tmp_path, quick=quick)
+    assert seen == [False, True]
+
+
+def test_what_a_case_reads_decides_whether_it_is_measured_again(store, tmp_path):
+    held = ["first"]
+    one = made(squares, inputs=lambda case, options: held[0])
+    run(one, store, tmp_path)
+    before = len(store.everything("s"))
+    run(one, store, tmp_path)
+    assert len(store.everything("s")) == before
+    held[0] = "second"
+    run(one, store, tmp_path)
+    assert len(store.everything("s")) == 2 * before
+
+
 def test_options_are_the_studys_own(store, tmp_path):
     def measure(case, bench):
         yield Row(case=case, quantity="q", value=bench.options["spp"])
@@ -192,8 +216,10 @@ def test_the_repository_keeps_full_measurements_of_a_commit(store, tmp_path, mon
     run(made(squares), store, tmp_path)
     assert store.keep("s") == "s: 2 rows kept"
     assert "nothing new" in store.keep("s")
-    (store.folder / "s.jsonl").unlink()
-    assert len(store.read("s")) == 2
+    assert len(store.read("s")) == len(store.read("s").where(study="s")) == 2
+    run(made(squares, cases=("all", "more")), store, tmp_path, cases=["more"])
+    assert store.keep("s") == "s: 2 rows kept"  # a case that came later
+    assert len(store.read("s")) == 4
     of_changes = Run(run="r", created="2027", command="c", commit="abc-dirty")
     done = Done(done="all", run="r", seconds=1.0)
     store.append("s", [of_changes, Row(case="all", quantity="q", value=1.0, run="r"), done])
