@@ -8,6 +8,7 @@ anew.
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -155,4 +156,5 @@ orient="auto"><path d="M0 0 L6 3 L0 6 z" style="fill: #8a9bb0; stroke: none"/></
 
 
 if __name__ == "__main__":
+    sys.path.insert(0, str(PICTURE.parents[1]))  # of this clone, whatever is installed
     PICTURE.write_text(draw(), encoding="utf-8")
