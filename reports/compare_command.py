@@ -235,11 +235,12 @@ def sentences(compared: Compared) -> list[str]:
         if not likely:
             tried = len(compared.diagnosis.tried)
             lines.append(f"None of {tried} known mistakes explains half of it.")
-    lines.append(
-        f"A bias of {100 * found.detectable:.2g} % of the mean would have been seen with a "
-        f"probability of 99 %; equal pictures are called different in at most "
-        f"{1 / FALSE_ALARMS:.0f}th of all cases."
-    )
+    if not found.differs:
+        lines.append(
+            f"A bias of {100 * found.detectable:.2g} % of the mean would have been seen with "
+            "a probability of 99 %."
+        )
+    lines.append(f"Equal pictures are called different in {FALSE_ALARMS:g} of all cases.")
     return [*lines, *(f"Note: {note}." for note in compared.notes)]
 
 
