@@ -237,8 +237,8 @@ def sentences(compared: Compared) -> list[str]:
             lines.append(f"None of {tried} known mistakes explains half of it.")
     if not found.differs:
         lines.append(
-            f"A bias of {100 * found.detectable:.2g} % of the mean would have been seen with "
-            "a probability of 99 %."
+            f"A bias of {100 * found.detectable:.2g} % of the mean would have been seen "
+            "with a probability of 99 %."
         )
     lines.append(f"Equal pictures are called different in {FALSE_ALARMS:g} of all cases.")
     return [*lines, *(f"Note: {note}." for note in compared.notes)]
