@@ -147,7 +147,7 @@ STUDY = Study(
     title="Moving scenes: refit or rebuild",
     sentence="When triangles move, how long is a tree that is only fitted to them as good "
     "as a new one?",
-    minutes=2,
+    minutes=6,
     quick_minutes=0.3,
     cases=tuple(MOTIONS),
     axis="per cent of the motion",
