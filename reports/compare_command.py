@@ -33,6 +33,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.picture_process import MitsubaWorker
+from renderer.command.options import definition
 from renderer.errors import SceneError
 from renderer.rendering.render_options import parse_count
 from renderer.scene_file import read_file_with
@@ -266,13 +267,6 @@ def as_record(diagnosis: Diagnosis) -> dict[str, object]:
     }
 
 
-def _definition(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not (name and equals):
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
-    return name, value
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lightproof compare",
@@ -299,14 +293,18 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PICTURE",
         help="pictures of the reference, with other seeds",
     )
-    add("--by", choices=("mitsuba", "ours"), help="who renders the reference")
+    add(
+        "--by",
+        choices=("mitsuba", "ours"),
+        help="the program that renders the reference (default: mitsuba if it is installed)",
+    )
     add("--spp", type=parse_count, help="samples of each of the four reference pictures")
     add(
         "-D",
         dest="define",
         action="append",
         default=[],
-        type=_definition,
+        type=definition,
         metavar="name=value",
         help="replace a <default> of the scene",
     )

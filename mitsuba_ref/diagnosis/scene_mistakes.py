@@ -30,7 +30,6 @@ from renderer.scene_file.description import PerspectiveCamera, SceneDescription
 
 TABLE = Path(__file__).with_name("mistakes.toml")
 DEEPEST = 6  # segments: more bounces than that are hardly told apart
-TIME_LIMIT = 240.0  # [s] of a mutant's picture
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,6 @@ class AlgorithmMistake:
     mutation: Mutation
     sentence: str
     advice: str
-    needs: tuple[str, ...] = ()  # names of `FEATURES` that a scene must have
 
 
 def _has(part: str) -> Callable[[SceneDescription], bool]:
@@ -88,15 +86,13 @@ def algorithm_mistakes(scene: SceneDescription) -> list[AlgorithmMistake]:
     own = {mutation.name: mutation for mutation in (*CATALOGUE, *_own_mutations())}
     found = []
     for name, row in tomllib.loads(TABLE.read_text(encoding="utf-8"))["mistakes"].items():
-        needs = tuple(row.get("needs", ()))
-        if all(FEATURES[need](scene) for need in needs):
+        if all(FEATURES[need](scene) for need in row.get("needs", ())):
             found.append(
                 AlgorithmMistake(
                     name,
                     own[row.get("mutation", name)],
                     row["sentence"],
                     row["advice"],
-                    needs,
                 )
             )
     return found
@@ -175,7 +171,7 @@ def render_algorithm_mistake(
     mistake: AlgorithmMistake, request: RenderRequest
 ) -> Prediction | None:
     """Render a scene with a copy of our renderer that has a mistake; None if it fails."""
-    with Mutant(mistake.mutation, TIME_LIMIT) as mutant:
+    with Mutant(mistake.mutation) as mutant:
         try:
             pixels: Floats = mutant.render(request).pixels.astype(np.float64)
         except (MutantError, SceneError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterable
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
@@ -51,7 +52,11 @@ class Store:
         path.parent.mkdir(parents=True, exist_ok=True)
         text = b"".join(_encoded(line) for line in lines)
         with path.open("ab+") as file:
-            file.truncate(_whole_lines(path))
+            end = file.seek(0, os.SEEK_END)
+            file.seek(max(0, end - 1))
+            if file.read(1) not in (b"", b"\n"):  # a process was killed while it wrote
+                file.seek(0)
+                file.truncate(file.read().rfind(b"\n") + 1)
             file.write(text)
 
     def read(self, study: str) -> Table:
@@ -252,9 +257,3 @@ def _is_default(value: Any) -> bool:
 def finite(value: float) -> float | None:
     """Return the number as a float of Python, or None if it is not finite."""
     return float(value) if math.isfinite(value) else None
-
-
-def _whole_lines(path: Path) -> int:
-    """Return how many bytes of a file are whole lines."""
-    content = path.read_bytes()
-    return content.rfind(b"\n") + 1

@@ -149,9 +149,6 @@ class Study:
         scene's files; a case with other inputs is measured again.
     options
         Settings that `measure` knows, with their help.
-    verdict
-        From the rows to one sentence that answers the study's question; it stands at the
-        top of the page, and the command says it.
     page
         "module:function" that turns the study's rows into a page; "" draws a table of each
         quantity, and a chart of each that has an axis.
@@ -164,7 +161,7 @@ class Study:
         and the bench, returns a context manager; its value is `Bench.session`.
     verdict
         From the rows to one sentence that answers the study's question; it stands at the
-        top of the page and on its card of the index.
+        top of the page and on its card of the index, and the command says it.
     """
 
     title: str

@@ -92,7 +92,7 @@ def ranked_chart(
     x_label: str,
     description: str,
 ) -> Markup:
-    """Draw a value with its interval beside each name, and a line at 1.
+    """Draw a row for each name: its value with an interval, and a line at 1.
 
     Parameters
     ----------

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from mitsuba_ref.records.other_programs import KEY
 from mitsuba_ref.records.verdicts import VERDICTS, Verdict
 from reports.bench.rows import Row, Run, Table
 from reports.bench.study import Study, page_file
 from reports.look.template import fill
 from reports.pages.scene_page import OURS, page_of
+from reports.pages.study_page import circumstances_of
 
 SCENES = "scenes"
 SMALL = "small "  # before the names of small pictures
@@ -106,7 +106,7 @@ def index_page(tables: Mapping[str, tuple[Study, Table]], folder: Path) -> str:
         times=statistics.geometric_mean(times) if times else None,
         measured=len(times),
         slowest=slowest,
-        run=_circumstances(table),
+        run=circumstances_of(table),
         faults=table.faults,
         studies=[
             _card(name, study, rows)
@@ -131,13 +131,3 @@ def _card(name: str, study: Study, table: Table) -> StudyCard:
         len(table.faults),
         table.newest,
     )
-
-
-def _circumstances(table: Table) -> Run | None:
-    """Return the newest run; its machine was as busy as in the worst of the cases."""
-    busy = [done.cores_of_other_programs for done in table.done.values()]
-    worst = max((cores for cores in busy if cores is not None), default=None)
-    run = table.newest
-    if run is None or worst is None:
-        return run
-    return replace(run, machine={**run.machine, KEY: worst})

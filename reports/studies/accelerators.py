@@ -39,7 +39,6 @@ SMALL = {"triangle soup": lambda: meshes.soup(10_000)}  # with --quick
 MAPPED = ("teapot", "teapot in a stadium")
 INSIDE, MAPS, GROWTH, FIGURE = "look inside", "work per pixel", "growth", "a full screen"
 COUNTS = ("nodes", "box tests", "triangle tests", "tests saved", "stack")
-SCALED = "diffuse"  # the rays that are timed with every number of threads
 WIDTH, HEIGHT, TURNS = 1920, 1080, 3  # the lecture's figure: a ray for each pixel
 # rays that a picture may need: one sample of a megapixel, and a hundred
 WORKLOADS = (1_000_000, 100_000_000)

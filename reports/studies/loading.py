@@ -17,6 +17,7 @@ from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.bench.rows import Row
 from reports.bench.study import Bench, Study
 from reports.bench.timing import median_interval, take_turns
+from reports.trials.large_meshes import ply_bytes
 from reports.trials.meshes import StudyMesh, displaced_icosphere
 
 FREQUENCIES = 16, 32, 64, 128, 224, 316  # meshes of 20 n^2 triangles, up to 2 million
@@ -38,19 +39,7 @@ def obj(mesh: StudyMesh) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def ply(mesh: StudyMesh) -> bytes:
-    """Return the mesh as a binary PLY file."""
-    header = "ply\nformat binary_little_endian 1.0\n"
-    header += f"element vertex {len(mesh.vertices)}\n"
-    header += "".join(f"property float {axis}\n" for axis in "xyz")
-    header += f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
-    records = np.empty(len(mesh.faces), [("n", "u1"), ("corners", "<i4", 3)])
-    records["n"], records["corners"] = 3, mesh.faces
-    points = mesh.vertices.astype("<f4").tobytes()
-    return f"{header}end_header\n".encode() + points + records.tobytes()
-
-
-FORMATS = {"ply": ply, "obj": obj}
+FORMATS = {"ply": ply_bytes, "obj": obj}
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:

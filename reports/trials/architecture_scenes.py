@@ -21,6 +21,7 @@ from PIL import Image
 
 from mitsuba_ref.records.json_files import write_atomically
 from renderer.process.cache_folder import cache_folder
+from reports.trials.large_meshes import scene_head
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -430,25 +431,8 @@ def scene_text(model: Model) -> str:
         shapes.append(
             f'<emitter type="constant"><rgb name="radiance" value="{model.sky}"/></emitter>'
         )
-    eye, target = (", ".join(map(str, point)) for point in (model.eye, model.target))
-    return f"""<scene version="3.0.0">
-  <default name="spp" value="64"/>
-  <default name="width" value="320"/>
-  <default name="height" value="240"/>
-  <integrator type="path"><integer name="max_depth" value="6"/></integrator>
-  <sensor type="perspective">
-    <float name="fov" value="{model.fov}"/>
-    <transform name="to_world">
-      <lookat origin="{eye}" target="{target}" up="0, 0, 1"/>
-    </transform>
-    <sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>
-    <film type="hdrfilm">
-      <integer name="width" value="$width"/>
-      <integer name="height" value="$height"/>
-      <string name="pixel_format" value="rgb"/>
-      <rfilter type="box"/>
-    </film>
-  </sensor>
+    look_at = model.eye, model.target, (0, 0, 1)
+    return f"""{scene_head(look_at, model.fov, 6, (320, 240))}
   {"".join(shapes)}
 </scene>
 """

@@ -8,7 +8,7 @@ film, and of whatever is done once a picture.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -88,15 +88,21 @@ def ply_bytes(mesh: StudyMesh) -> bytes:
     )
 
 
-def _scene_text(view: View, depth: int, added: str) -> str:
-    eye, target, up = (", ".join(map(str, place)) for place in view[:3])
+def scene_head(
+    look_at: Sequence[Sequence[float]], fov: float, depth: int, size: tuple[int, int]
+) -> str:
+    """Return a scene file up to its sensor: path tracing, a box filter, `$` parameters.
+
+    `look_at` is (origin, target, up); `fov` is in degrees, along x.
+    """
+    eye, target, up = (", ".join(map(str, place)) for place in look_at)
     return f"""<scene version="3.0.0">
   <default name="spp" value="64"/>
-  <default name="width" value="{SIZE[0]}"/>
-  <default name="height" value="{SIZE[1]}"/>
+  <default name="width" value="{size[0]}"/>
+  <default name="height" value="{size[1]}"/>
   <integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
   <sensor type="perspective">
-    <float name="fov" value="{view.fov}"/>
+    <float name="fov" value="{fov}"/>
     <transform name="to_world">
       <lookat origin="{eye}" target="{target}" up="{up}"/>
     </transform>
@@ -107,7 +113,11 @@ def _scene_text(view: View, depth: int, added: str) -> str:
       <string name="pixel_format" value="rgb"/>
       <rfilter type="box"/>
     </film>
-  </sensor>
+  </sensor>"""
+
+
+def _scene_text(view: View, depth: int, added: str) -> str:
+    return f"""{scene_head(view[:3], view.fov, depth, SIZE)}
   <shape type="ply">
     <string name="filename" value="ball.ply"/>
     <boolean name="face_normals" value="true"/>

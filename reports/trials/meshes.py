@@ -8,7 +8,6 @@ in any size; none holds a triangle without area.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -279,6 +278,3 @@ def street(boxes: int) -> StudyMesh:
             (0.0, 30.0, length / 2),
         ),
     )
-
-
-Maker = Callable[[], StudyMesh]
