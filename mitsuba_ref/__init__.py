@@ -7,7 +7,7 @@ down, which a contract in pyproject.toml keeps:
 - `our_renderer`: our side of a comparison;
 - `reference`: the file in Mitsuba's `scalar_rgb`, in a separate process, and the cache;
 - `metrics`, `statistics`: how far apart pictures are, and whether that is more than noise;
-- `comparison`: two sets of arrays judged without knowing where they came from;
+- `diagnosis`: a verdict on any picture, and the mistake in it (`renderer_compare`);
 - `ladder` (many pictures of each renderer), `replay` (the same random numbers on both
   sides; one path in both), `speed` (against accuracy, and Mitsuba by the clock);
 - `command`: all of this for each scene, a table and a verdict;
@@ -18,3 +18,12 @@ down, which a contract in pyproject.toml keeps:
 from mitsuba_ref.missing_packages import prepare_command_process
 
 prepare_command_process()
+
+
+def __getattr__(name: str) -> object:
+    """Import `renderer_compare` when it is first used: it loads SciPy and Numba."""
+    if name == "renderer_compare":
+        from mitsuba_ref.diagnosis.comparison import renderer_compare
+
+        return renderer_compare
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

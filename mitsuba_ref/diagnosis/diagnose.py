@@ -65,6 +65,7 @@ def diagnose(
     references: Sequence[Floats],
     lag: int,
     slower: Iterable[Callable[[], Iterator[Prediction]]] = (),
+    pictures: Sequence[Floats] = (),
 ) -> Diagnosis:
     """Judge a picture, and find the mistakes that explain its difference.
 
@@ -78,8 +79,10 @@ def diagnose(
         As in `difference.compare`.
     slower
         Sources of further predictions, called in turn until one explains all.
+    pictures
+        Those that `evidence.picture` is the mean of, if they are several.
     """
-    difference = compare(evidence.picture, references, lag)
+    difference = compare(pictures or [evidence.picture], references, lag)
     if not difference.differs:
         return Diagnosis(difference)
     found: list[Explanation] = []
@@ -107,5 +110,5 @@ def _explained(evidence: Evidence, prediction: Prediction, lag: int) -> Explanat
 
     before, after = square(evidence.reference), max(0.0, square(prediction.pixels))
     share = 1.0 - after / before if before > 0.0 else 0.0
-    left = compare(evidence.picture, [prediction.pixels], lag)
+    left = compare([evidence.picture], [prediction.pixels], lag)
     return Explanation(prediction, share, not left.differs)

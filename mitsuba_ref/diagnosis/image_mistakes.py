@@ -94,11 +94,15 @@ NEAR = 0.02  # relative distance at which a fitted factor gets the name of a con
 TOLD = 0.003  # relative distance from 1 at which a factor is one
 
 
-def fitted_factor(evidence: Evidence, shape: Floats, where: Floats | None = None) -> float:
-    """Return f of the least squares |picture - f shape|, in units of the scale."""
-    weight = 1.0 / evidence.scale**2 if where is None else where / evidence.scale**2
-    below = float(np.sum(weight * shape * shape))
-    return float(np.sum(weight * evidence.picture * shape)) / below if below > 0.0 else 1.0
+def fitted_factor(evidence: Evidence, where: Floats | float = 1.0) -> float:
+    """Return the ratio of the sums of picture and reference, in units of the scale.
+
+    Least squares would not do: noise in the reference raises the sum of its squares. With
+    30 % of noise a factor of 2 became 1.84.
+    """
+    weight = where / evidence.scale
+    below = float(np.sum(weight * evidence.reference))
+    return float(np.sum(weight * evidence.picture)) / below if below > 0.0 else 1.0
 
 
 def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
@@ -140,7 +144,7 @@ def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
 def factors(evidence: Evidence) -> Iterator[Prediction]:
     """Predict one factor for all pixels, and one for each channel."""
     r = evidence.reference
-    f = fitted_factor(evidence, r)
+    f = fitted_factor(evidence)
     named = [name for name, value in FACTORS.items() if abs(f / value - 1.0) < NEAR]
     if named and f > 0.0:
         yield Prediction(
@@ -158,15 +162,7 @@ def factors(evidence: Evidence) -> Iterator[Prediction]:
             f * r,
             1,
         )
-    each = np.array(
-        [
-            float(
-                np.sum(evidence.picture[..., c] * r[..., c] / evidence.scale[..., 0] ** 2)
-            )
-            / (float(np.sum(r[..., c] ** 2 / evidence.scale[..., 0] ** 2)) or 1.0)
-            for c in range(3)
-        ]
-    )
+    each = np.array([fitted_factor(evidence, one) for one in np.eye(3)])
     missing = [name for name, f in zip("RGB", each, strict=True) if abs(f) < 0.01]
     if 0 < len(missing) < 3:
         kept = np.array([0.0 if name in missing else 1.0 for name in "RGB"])
@@ -329,7 +325,7 @@ def materials(evidence: Evidence) -> Iterator[Prediction]:
         where = (index == number)[..., None]
         if where.sum() < 16:
             continue
-        f = fitted_factor(evidence, evidence.reference, where)
+        f = fitted_factor(evidence, where)
         if abs(f - 1.0) > TOLD:
             name = evidence.shapes.get(int(number), f"number {int(number)}")
             yield Prediction(

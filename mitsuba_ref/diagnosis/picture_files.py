@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,28 @@ from numpy.typing import NDArray
 from mitsuba_ref.diagnosis.image_mistakes import Floats
 from renderer.command.compare_pictures import read_planes
 from renderer.errors import SceneError
+from renderer.rendering.picture.picture import srgb_from_linear
+from renderer.scene_file.images.image import SRGB_FROM_XYZ, linear_from_srgb
 from renderer.scene_file.images.images import read_texels
 
-CHANNELS = ("R", "G", "B"), ("r", "g", "b"), ("Y", "Y", "Y"), ("0", "1", "2")
+XYZ = ("X", "Y", "Z")
+CHANNELS = ("R", "G", "B"), ("r", "g", "b"), XYZ, ("Y", "Y", "Y"), ("0", "1", "2")
 
 
-def read_picture(path: Path) -> tuple[Floats, tuple[str, ...]]:
-    """Read a picture as (H, W, 3), linear sRGB, and notes about how it was read.
+@dataclass(frozen=True, eq=False)
+class PictureFile:
+    """A picture (H, W, 3) in linear sRGB, and how it was read.
+
+    `levels` is the largest integer of a channel; 0 in files of floating-point values.
+    """
+
+    pixels: Floats
+    note: str = ""
+    levels: int = 0
+
+
+def read_picture(path: Path) -> PictureFile:
+    """Read a picture.
 
     EXR, NPY, HDR and PFM hold linear values. PNG, JPEG, BMP and TGA are decoded by the
     curve of sRGB.
@@ -26,35 +43,39 @@ def read_picture(path: Path) -> tuple[Floats, tuple[str, ...]]:
     SceneError
         One line: the file, what was found, what is possible.
     """
-    notes: tuple[str, ...] = ()
     if not path.is_file():
         raise SceneError(f"{path}: no such picture")
     if path.suffix.lower() in (".exr", ".npy"):
-        pixels = _colours(path, read_planes(path))
-    else:
-        image = read_texels(path)
-        pixels = np.asarray(image.linear, dtype=np.float64)
-        bits = 8 * image.texels.dtype.itemsize
-        if image.texels.dtype.kind == "u":
-            notes = (
-                f"{path.name} has {bits} bits a channel: it was decoded by the curve of "
-                f"sRGB; values above 1 are lost, and steps of 1/{2**bits - 1} count as "
-                "noise",
-            )
-    if not (finite := np.isfinite(pixels).all(axis=2)).all():
-        y, x = np.argwhere(~finite)[0]
-        raise SceneError(
-            f"{path}: {np.sum(~finite)} pixels are NaN or infinite, the first at x = {x}, "
-            f"y = {y}; only finite ones can be compared"
-        )
-    return pixels, notes
+        return PictureFile(_colours(path, read_planes(path)))
+    image = read_texels(path)
+    pixels = np.asarray(image.linear, dtype=np.float64)
+    if image.texels.dtype.kind != "u":
+        return PictureFile(pixels)
+    bits = 8 * image.texels.dtype.itemsize
+    note = (
+        f"{path.name} has {bits} bits a channel: it was decoded by the curve of sRGB, and "
+        "the reference was cut off at 1 and rounded as it was; its noise should be that of "
+        "the reference, as cut-off noise has another mean"
+    )
+    return PictureFile(pixels, note, 2**bits - 1)
+
+
+def as_integers(pixels: Floats, levels: int) -> Floats:
+    """Return linear values as a PNG keeps them: cut off at 1, and in `levels` steps."""
+    steps = np.round(levels * srgb_from_linear(pixels)) / levels
+    return np.asarray(linear_from_srgb(steps), np.float64)
 
 
 def _colours(path: Path, planes: dict[str, NDArray[np.generic]]) -> Floats:
-    """Return the colours among the channels of a file, (H, W, 3)."""
-    for names in CHANNELS:
-        if set(names) <= planes.keys():
-            colours = [np.asarray(planes[name], dtype=np.float64) for name in names]
-            return np.stack(colours, axis=-1)
+    """Return the colours among the channels of a file, (H, W, 3).
+
+    Layers come before a dot, as in `Combined.R`. Those without a layer go first.
+    """
+    layers = sorted({name.rpartition(".")[0] for name in planes})  # "" comes first
+    for layer, names in itertools.product(layers, CHANNELS):
+        full = [f"{layer}.{name}" if layer else name for name in names]
+        if set(full) <= planes.keys():
+            colours = np.stack([np.asarray(planes[n], np.float64) for n in full], axis=-1)
+            return colours @ SRGB_FROM_XYZ.T if names == XYZ else colours
     found = ", ".join(sorted(planes))
     raise SceneError(f"{path}: the channels {found}; R, G, B or Y are possible")

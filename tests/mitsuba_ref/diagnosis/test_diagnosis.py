@@ -6,10 +6,12 @@ import json
 import re
 
 import numpy as np
+import OpenEXR
 import pytest
 from scipy import ndimage
 
 import renderer
+from mitsuba_ref import renderer_compare
 from mitsuba_ref.diagnosis.diagnose import diagnose
 from mitsuba_ref.diagnosis.difference import compare, local_brightness
 from mitsuba_ref.diagnosis.image_mistakes import Evidence
@@ -23,6 +25,7 @@ from mitsuba_ref.mutations.mutation import mutated_files
 from renderer.errors import SceneError
 from renderer.rendering.picture.picture import srgb_from_linear
 from renderer.scene_file import read_string
+from renderer.scene_file.images.image import SRGB_FROM_XYZ
 from reports import compare_command
 
 SIDE = 96
@@ -61,7 +64,7 @@ def named(picture, references, **given):
 @pytest.mark.parametrize("relative", [0.05, 0.3, 1.0, 3.0])
 def test_noise_is_no_difference(truth, references, relative):
     """Of 40 right pictures none is called wrong, however noisy: 1 in 1000 would be."""
-    wrong = [compare(noisy(truth, k, relative), references, 1).differs for k in range(40)]
+    wrong = [compare([noisy(truth, k, relative)], references, 1).differs for k in range(40)]
     assert sum(wrong) == 0
 
 
@@ -74,7 +77,7 @@ def test_noise_of_large_pictures_and_of_filters_is_no_difference(sigma, lag):
         noise = 0.3 * rng.standard_normal((512, 512, 3))
         return 1.0 + (ndimage.gaussian_filter(noise, (sigma, sigma, 0)) if sigma else noise)
 
-    found = [compare(drawn(), [drawn() for _ in range(4)], lag) for _ in range(6)]
+    found = [compare([drawn()], [drawn() for _ in range(4)], lag) for _ in range(6)]
     assert not any(one.differs for one in found)
     z = np.array([[test.z for test in one.tests] for one in found])
     assert np.abs(z.mean(axis=0)).max() < 1.6  # of 6 each; standard deviation 0.41
@@ -82,10 +85,10 @@ def test_noise_of_large_pictures_and_of_filters_is_no_difference(sigma, lag):
 
 def test_a_stated_bias_is_seen(truth, references):
     """What would have been seen with 99 % is seen, in 30 of 30 pictures."""
-    stated = compare(noisy(truth, 1), references, 1).detectable
+    stated = compare([noisy(truth, 1)], references, 1).detectable
     assert 0.0 < stated < 0.05
     biased = [noisy(truth, k) * (1.0 + 1.5 * stated) for k in range(30)]
-    assert all(compare(one, references, 1).differs for one in biased)
+    assert all(compare([one], references, 1).differs for one in biased)
 
 
 MISTAKES = {
@@ -171,7 +174,7 @@ def run(capsys, *words):
 
 def test_a_right_picture_of_a_scene_passes(scene, tmp_path, capsys):
     mine = rendered(scene, tmp_path / "mine.exr")
-    status, out, _ = run(capsys, mine, "--scene", scene, "--by", "ours")
+    status, out, _ = run(capsys, mine, "--scene", scene, "--reference", "ours")
     assert status == compare_command.SAME
     assert "do not differ by more than noise" in out
     assert "would have been seen with a probability of 99 %" in out
@@ -184,7 +187,7 @@ def test_a_scene_that_was_read_wrongly_is_named(scene, tmp_path, capsys):
     )
     mine = rendered(other, tmp_path / "mine.exr")
     report = tmp_path / "verdict.json"
-    options = ("--scene", scene, "--by", "ours", "--quick", "--json", report)
+    options = ("--scene", scene, "--reference", "ours", "--quick", "--json", report)
     status, out, _ = run(capsys, mine, *options)
     assert status == compare_command.DIFFERENT
     assert "1. one-bounce-fewer: Paths are 2 segments long" in out
@@ -204,8 +207,7 @@ def test_two_pictures_without_a_scene(scene, tmp_path, capsys):
     ("words", "says"),
     [
         (["none.exr", "a.npy"], "none.exr: no such picture"),
-        (["a.npy"], "name one picture and --scene, or two pictures"),
-        (["a.npy", "small.npy"], "a.npy has 48 x 32 pixels, the reference 3 x 2"),
+        (["a.npy", "small.npy"], "a.npy has 48 x 32 pixels, the reference small.npy 3 x 2"),
         (
             ["small.npy", "small.npy"],
             "small.npy has 3 x 2 pixels; in pictures of",
@@ -214,7 +216,6 @@ def test_two_pictures_without_a_scene(scene, tmp_path, capsys):
             ["a.npy", "a.npy", "--json", "none/x.json"],
             "none/x.json: there is no such",
         ),
-        (["a.npy", "--scene", "s.xml", "--with", "a.npy"], "leave out --with"),
         (["nan.npy", "a.npy"], "nan.npy: 1 pixels are NaN or infinite, the first at x = 4"),
         (["two.npy", "a.npy"], "two.npy: the channels 0, 1; R, G, B or Y are possible"),
         (["a.npy", "--scene", "none.xml"], "none.xml"),
@@ -237,16 +238,120 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, says):
     assert says in err and err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["a.npy"], "name one picture and --scene, or two pictures"),
+        (["a.npy", "b.npy", "c.npy"], "name one picture and --scene, or two pictures"),
+        (["a.npy", "--"], "none follows"),
+        (["a.npy", "--scene", "s.xml", "--with", "a.npy"], "leave out --with"),
+        (["a.npy", "--scene", "s.xml", "--", "a.npy"], "leave out --with"),
+    ],
+)
+def test_words_that_say_nothing_are_told(capsys, words, says):
+    with pytest.raises(SystemExit) as ended:
+        compare_command.main(words)
+    assert ended.value.code == compare_command.WRONG_USE
+    assert says in capsys.readouterr().err
+
+
+def test_several_pictures_show_a_difference_in_one_tile(truth, tmp_path, capsys):
+    """One tile of 144 is 30 % brighter: pictures of 16 seeds on both sides show it."""
+    for k in range(16):
+        wrong = noisy(truth, k)
+        np.save(tmp_path / f"right{k}.npy", noisy(truth, 100 + k))
+        np.save(tmp_path / f"same{k}.npy", wrong)
+        wrong[40:48, 16:24] *= 1.3
+        np.save(tmp_path / f"wrong{k}.npy", wrong)
+    files = {n: sorted(tmp_path.glob(f"{n}*.npy")) for n in ("right", "same", "wrong")}
+    page = tmp_path / "page.html"
+    assert run(capsys, *files["same"], "--", *files["right"])[0] == compare_command.SAME
+    status, out, _ = run(capsys, "-o", page, *files["wrong"], "--", *files["right"])
+    assert status == compare_command.DIFFERENT
+    assert "known mistakes explains half" in out and "Note:" not in out
+    assert "<td" in page.read_text() and "tiles" in page.read_text()
+
+
+def test_the_page_is_one_file_that_names_the_mistake(truth, tmp_path, capsys):
+    np.save(tmp_path / "a.npy", np.pi * noisy(truth, 1))
+    np.save(tmp_path / "b.npy", noisy(truth, 2))
+    page = tmp_path / "page.html"
+    status, out, _ = run(capsys, tmp_path / "a.npy", tmp_path / "b.npy", "-o", page)
+    assert status == compare_command.DIFFERENT and f"The page: {page}" in out
+    text = page.read_text()
+    assert "All values are pi times as large" in text
+    assert text.count("data:image/png;base64,") == 5
+    assert not re.search(r'(src|href)="(?!data:|#)', text)  # nothing else is loaded
+
+
 def test_pictures_of_8_bits_are_decoded_with_a_note(tmp_path):
     from PIL import Image
 
     path = tmp_path / "a.png"
     Image.fromarray(np.full((2, 3, 3), 188, np.uint8)).save(path)
-    pixels, notes = read_picture(path)
-    np.testing.assert_allclose(pixels, 0.5028, atol=1e-3)
-    assert "8 bits a channel" in notes[0]
+    read = read_picture(path)
+    np.testing.assert_allclose(read.pixels, 0.5028, atol=1e-3)
+    assert "8 bits a channel" in read.note and read.levels == 255
     with pytest.raises(SceneError, match="no such picture"):
         read_picture(tmp_path / "b.png")
+
+
+def test_a_right_png_with_lamps_is_no_difference(truth, tmp_path, capsys):
+    """Values above 1 are lost in the file, and so they are in the reference."""
+    from PIL import Image
+
+    bright = 3.0 * truth
+    encoded = 255.0 * srgb_from_linear(noisy(bright, 1, 0.1))
+    Image.fromarray(np.round(encoded).astype(np.uint8)).save(tmp_path / "a.png")
+    for k in range(4):
+        np.save(tmp_path / f"b{k}.npy", noisy(bright, 10 + k, 0.1))
+    status, out, _ = run(capsys, tmp_path / "a.png", "--", *tmp_path.glob("b*.npy"))
+    assert status == compare_command.SAME and "8 bits a channel" in out
+
+
+@pytest.mark.parametrize("layer", ["", "ViewLayer.Combined."])
+def test_layers_and_xyz_of_exr_files(truth, tmp_path, layer):
+    colours = truth.astype(np.float32)
+    xyz = colours @ np.linalg.inv(SRGB_FROM_XYZ.T).astype(np.float32)
+    for name, names, pixels in (("rgb", "RGB", colours), ("xyz", "XYZ", xyz)):
+        path = tmp_path / f"{name}.exr"
+        channels = {f"{layer}{n}": pixels[..., c].copy() for c, n in enumerate(names)}
+        OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(path))
+        np.testing.assert_allclose(read_picture(path).pixels, colours, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "give references or a scene, and not both"),
+        ({"references": "word"}, "word: no such picture"),
+        ({"references": np.ones((4, 4, 2))}, r"expected an array \(H, W, 3\) of numbers"),
+        ({"references": [None]}, "expected an array"),
+        ({"references": []}, "there is no picture"),
+        (
+            {"references": np.ones((64, 32))},
+            "64 x 64 pixels, the reference array 1 32 x 64",
+        ),
+    ],
+)
+def test_bad_arrays_are_one_line(given, says):
+    with pytest.raises(SceneError, match=says):
+        renderer_compare(np.ones((64, 64, 3)), **given)
+
+
+def test_a_crop_window_is_told(scene, tmp_path):
+    crop = '<integer name="crop_width" value="40"/><rfilter'
+    scene.write_text(SCENE.replace("<rfilter", crop))
+    with pytest.raises(SceneError, match="crop window has 40 x 32"):
+        renderer_compare(np.ones((32, 48, 3)), scene=scene, reference="ours")
+
+
+def test_the_fixture_fails_a_test_with_a_sentence(assert_same_picture, truth):
+    assert not assert_same_picture(noisy(truth, 1), noisy(truth, 2)).differs
+    with pytest.raises(
+        pytest.fail.Exception, match=r"1\. factor-2: All values are 2 times"
+    ):
+        assert_same_picture(2.0 * noisy(truth, 1), noisy(truth, 2))
 
 
 def test_every_mistake_of_the_table_can_be_made():
