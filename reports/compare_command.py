@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mitsuba_ref.command.stages import shown_stages
-from mitsuba_ref.diagnosis.comparison import Comparison, renderer_compare
+from mitsuba_ref.diagnosis.comparison import renderer_compare
+from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.command.options import definition

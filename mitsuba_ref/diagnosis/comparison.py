@@ -5,47 +5,26 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-import renderer
-from mitsuba_ref.diagnosis.diagnose import LIKELY, Diagnosis, Explanation, diagnose
-from mitsuba_ref.diagnosis.difference import (
-    FALSE_ALARMS,
-    SMALLEST,
-    Difference,
-    local_brightness,
-)
+from mitsuba_ref.diagnosis.diagnose import diagnose
+from mitsuba_ref.diagnosis.difference import SMALLEST, local_brightness
 from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, Prediction
 from mitsuba_ref.diagnosis.picture_files import as_integers, read_picture
-from mitsuba_ref.diagnosis.scene_mistakes import (
-    AlgorithmMistake,
-    algorithm_mistakes,
-    render_algorithm_mistake,
-    render_reading_mistakes,
-)
-from mitsuba_ref.ladder.pictures_by_seed import reference_seed
-from mitsuba_ref.missing_packages import NEEDS, is_installed
-from mitsuba_ref.our_renderer.picture import Array, render_ours
-from mitsuba_ref.records.request import RenderRequest
-from mitsuba_ref.reference.cache import ReferenceCache
-from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.diagnosis.scene_reference import SEEDS, SceneReference, Show
+from mitsuba_ref.diagnosis.verdict import Comparison
+from mitsuba_ref.our_renderer.picture import Array
 from renderer.errors import SceneError
-from renderer.scene_file import read_file_with
 from renderer.scene_file.description import SceneDescription
 
-SEEDS = 4  # pictures of the reference
 UNKNOWN_LAG = 6  # [pixels] diameter of the widest usual filter, of Lanczos
-SAMPLES_OF_A_MISTAKE = 32
-MOST_NAMED = 3  # mistakes in the sentences
 BLIND = (
     "From one picture the noise is estimated from neighbouring pixels: a bias that changes "
     "its sign from pixel to pixel, or that is in a few pixels alone, is not seen. Four or "
@@ -53,100 +32,6 @@ BLIND = (
 )
 
 Picture = str | os.PathLike[str] | NDArray[Any]
-Show = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """A verdict on a picture.
-
-    Parameters
-    ----------
-    diagnosis
-        The tests, and the mistakes that explain the difference, the likeliest first.
-    evidence
-        The mean of the pictures and of the references, and AOVs of the scene.
-    lag
-        As in `difference.compare`.
-    notes
-        How the pictures were read, and how far the verdict can be trusted.
-    """
-
-    diagnosis: Diagnosis
-    evidence: Evidence
-    lag: int
-    notes: tuple[str, ...] = ()
-
-    @property
-    def difference(self) -> Difference:
-        """What the tests say."""
-        return self.diagnosis.difference
-
-    @property
-    def differs(self) -> bool:
-        """Whether the picture differs from the reference by more than noise."""
-        return self.difference.differs
-
-    @property
-    def named(self) -> list[Explanation]:
-        """The likeliest mistakes, each name once; none if no known one explains half."""
-        first: dict[str, Explanation] = {}
-        for one in self.diagnosis.explanations:
-            if one.share >= LIKELY:
-                first.setdefault(one.prediction.name, one)
-        return list(first.values())[:MOST_NAMED]
-
-    def sentences(self) -> list[str]:
-        """Return the verdict in words, most important first."""
-        found = self.difference
-        if not found.differs:
-            lines = [
-                "The pictures do not differ by more than noise.",
-                f"A bias of {100 * found.detectable:.2g} % of the mean would have been "
-                "seen with a probability of 99 %.",
-            ]
-        else:
-            lines = [
-                f"The pictures differ by more than noise (p = {found.p_value:.2g}): by "
-                f"{100 * found.size:.3g} % of the local brightness, and in the mean by "
-                f"{100 * found.mean_bias:+.3g} %."
-            ]
-            for rank, one in enumerate(self.named, 1):
-                left = "nothing is left" if one.whole else "a difference is left"
-                lines.append(
-                    f"{rank}. {one.prediction.name}: {one.prediction.sentence} It explains "
-                    f"{100 * one.share:.3g} % of the difference; {left}."
-                )
-                if rank == 1:
-                    lines.append(f"   {one.prediction.advice}")
-            if not self.named:
-                tried = len(self.diagnosis.tried)
-                lines.append(f"None of {tried} known mistakes explains half of it.")
-        rate = f"{FALSE_ALARMS:g}"
-        lines.append(f"Equal pictures are called different in {rate} of all cases.")
-        return [*lines, *(f"Note: {note}." for note in self.notes)]
-
-    def record(self) -> dict[str, Any]:
-        """Return the verdict as plain values, for programs."""
-        found = self.difference
-        return {
-            "differs": found.differs,
-            "p_value": found.p_value,
-            "size": found.size,
-            "mean_bias": found.mean_bias,
-            "detectable": found.detectable,
-            "mistakes": [
-                {
-                    "name": one.prediction.name,
-                    "sentence": one.prediction.sentence,
-                    "advice": one.prediction.advice,
-                    "share": one.share,
-                    "whole": one.whole,
-                }
-                for one in self.diagnosis.explanations[:5]
-            ],
-            "notes": list(self.notes),
-        }
 
 
 @dataclass(frozen=True)
@@ -157,21 +42,6 @@ class _Pictures:
     names: list[str]
     notes: tuple[str, ...] = ()
     levels: int = 0  # of integers, see `PictureFile`
-
-
-@dataclass(frozen=True)
-class _SceneRequest:
-    """A scene whose reference is rendered."""
-
-    path: Path
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    spp: int | None = None
-    by: Literal["mitsuba", "ours"] = "mitsuba"
-    quick: bool = False
-
-    def request(self, **given: Any) -> RenderRequest:
-        """Return what a renderer takes."""
-        return RenderRequest(str(self.path), dict(self.parameters), **given)
 
 
 def renderer_compare(
@@ -224,36 +94,46 @@ def renderer_compare(
     if (references is None) == (scene is None):
         raise SceneError("give references or a scene, and not both")
     ours = _read(_listed(pictures))
-    if scene is None:
-        theirs = _read(_listed(references))
-        _check_sizes(ours, theirs.pixels[0].shape, f"the reference {theirs.names[0]}")
-        lag, notes = UNKNOWN_LAG, theirs.notes
-        aovs: dict[str, Array] = {}
-        shapes: dict[int, str] = {}
-        slower: list[Callable[[], Iterator[Prediction]]] = []
-    else:
-        given = _SceneRequest(Path(scene), parameters or {}, spp, reference, quick)
-        if reference == "mitsuba" and not is_installed("mitsuba"):
-            raise SceneError(f"Mitsuba {NEEDS}; or render the reference by ours")
-        described = read_file_with(given.path, dict(given.parameters))
-        _check_film(ours, described, given.path)
-        lag = max(1, math.ceil(2.0 * described.camera.film.rfilter.radius - 1e-6))
+    if scene is not None:
+        path = Path(scene)
+        known = SceneReference(path, parameters, spp, reference, quick, show)
+        return _judged(ours, known, show)
+    theirs = _read(_listed(references))
+    _check_sizes(ours, theirs.pixels[0].shape, f"the reference {theirs.names[0]}")
+    return _judged(ours, theirs, show)
+
+
+def compare_with_scene(
+    pictures: Picture | Sequence[Picture], reference: SceneReference
+) -> Comparison:
+    """Compare as `renderer_compare` does, with a reference that serves several times."""
+    return _judged(_read(_listed(pictures)), reference, reference.show)
+
+
+def _judged(ours: _Pictures, theirs: _Pictures | SceneReference, show: Show) -> Comparison:
+    aovs: dict[str, Array] = {}
+    shapes: dict[int, str] = {}
+    sources: Sequence[Callable[[], list[Prediction]]] = ()
+    lag, notes = UNKNOWN_LAG, ours.notes
+    if isinstance(theirs, _Pictures):
         _check_large_enough(ours, lag)
-        theirs, notes = _Pictures(_rendered(given, described, show), ["the reference"]), ()
-        aovs, shapes = _seen(given, described, show)
-        slower = _slower(given, described, show)
-    _check_large_enough(ours, lag)
-    show("comparing")
+        notes += theirs.notes
+    else:
+        lag = theirs.lag
+        _check_film(ours, theirs.scene, theirs.path)
+        _check_large_enough(ours, lag)
+        aovs, shapes, sources = theirs.aovs, theirs.shapes, theirs.sources
     pixels = theirs.pixels
-    if ours.levels and not theirs.levels:
+    show("comparing")
+    if ours.levels and not getattr(theirs, "levels", 0):
         pixels = [as_integers(one, ours.levels) for one in pixels]
     mean = np.mean(pixels, axis=0)
     evidence = Evidence(
         np.mean(ours.pixels, axis=0), mean, local_brightness(mean, lag), aovs, shapes
     )
-    diagnosis = diagnose(evidence, pixels, lag, slower, ours.pixels)
+    diagnosis = diagnose(evidence, pixels, lag, sources, ours.pixels)
     trust = (BLIND,) if min(len(ours.pixels), len(pixels)) < SEEDS else ()
-    return Comparison(diagnosis, evidence, lag, (*ours.notes, *notes, *trust))
+    return Comparison(diagnosis, evidence, lag, (*notes, *trust))
 
 
 def _listed(pictures: Any) -> list[Picture]:
@@ -344,60 +224,3 @@ def _check_large_enough(ours: _Pictures, lag: int) -> None:
             f"{ours.names[0]} has {_size(shape)} pixels; in pictures of fewer than "
             f"{smallest} x {smallest} noise cannot be told from a difference"
         )
-
-
-def _rendered(given: _SceneRequest, scene: SceneDescription, show: Show) -> list[Floats]:
-    """Render the reference with several seeds."""
-    seeds = [reference_seed(k) for k in range(SEEDS)]
-    found = []
-    if given.by == "ours":
-        loaded = renderer.load_file(given.path, **dict(given.parameters))
-        for k, seed in enumerate(seeds, 1):
-            show(f"reference {k} of {SEEDS}, by lightproof")
-            image = renderer.render(loaded, given.spp, seed)
-            found.append(np.asarray(image, np.float64))
-        return found
-    with MitsubaWorker() as worker:
-        cache = ReferenceCache(worker.render)
-        for k, seed in enumerate(seeds, 1):
-            show(f"reference {k} of {SEEDS}, by Mitsuba")
-            request = given.request(spp=given.spp, seed=seed)
-            found.append(cache.get(request, scene.files).pixels.astype(np.float64))
-    return found
-
-
-def _seen(
-    given: _SceneRequest, scene: SceneDescription, show: Show
-) -> tuple[dict[str, Array], dict[int, str]]:
-    """Return the AOVs at the centres of pixels, and the names of shapes by their index."""
-    show("rendering depth, normals and shapes")
-    names = {k: shape.id or f"number {k + 1}" for k, shape in enumerate(scene.every_shape)}
-    return render_ours(given.request(kind="aovs")).arrays, names
-
-
-def _slower(
-    given: _SceneRequest, scene: SceneDescription, show: Show
-) -> list[Callable[[], Iterator[Prediction]]]:
-    """Return the sources of predictions that have to be rendered."""
-    seed, spp = 4321, SAMPLES_OF_A_MISTAKE
-
-    def read_wrongly() -> Iterator[Prediction]:
-        show("rendering the scene with mistakes of reading")
-        yield from render_reading_mistakes(scene, spp, seed)
-
-    def algorithm(
-        mistake: AlgorithmMistake, number: int, count: int
-    ) -> Iterator[Prediction]:
-        show(f"rendering with a mistake: {mistake.name}, {number} of {count}")
-        found = render_algorithm_mistake(mistake, given.request(spp=spp, seed=seed))
-        if found is not None:
-            yield found
-
-    mistakes = [] if given.quick else algorithm_mistakes(scene)
-    return [
-        read_wrongly,
-        *(
-            partial(algorithm, mistake, number, len(mistakes))
-            for number, mistake in enumerate(mistakes, 1)
-        ),
-    ]

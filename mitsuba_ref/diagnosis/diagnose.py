@@ -7,7 +7,7 @@ neither. Each fitted number costs a little, as it explains a little of any diffe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from mitsuba_ref.diagnosis.difference import (
@@ -64,7 +64,7 @@ def diagnose(
     evidence: Evidence,
     references: Sequence[Floats],
     lag: int,
-    slower: Iterable[Callable[[], Iterator[Prediction]]] = (),
+    slower: Iterable[Callable[[], Iterable[Prediction]]] = (),
     pictures: Sequence[Floats] = (),
 ) -> Diagnosis:
     """Judge a picture, and find the mistakes that explain its difference.

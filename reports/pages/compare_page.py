@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mitsuba_ref.diagnosis.comparison import Comparison
 from mitsuba_ref.diagnosis.difference import FALSE_ALARMS
 from mitsuba_ref.diagnosis.image_mistakes import Floats
+from mitsuba_ref.diagnosis.verdict import Comparison
 from reports.look.pictures import (
     difference_colours,
     exposure_stops,
