@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.diagnosis.diagnose import diagnose
-from mitsuba_ref.diagnosis.difference import SMALLEST, local_brightness
+from mitsuba_ref.diagnosis.difference import SMALLEST, brightness_for_neighbours, set_aside
 from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, Prediction
 from mitsuba_ref.diagnosis.picture_files import as_integers, read_picture
 from mitsuba_ref.diagnosis.scene_reference import SEEDS, SceneReference, Show
@@ -127,10 +127,10 @@ def _judged(ours: _Pictures, theirs: _Pictures | SceneReference, show: Show) -> 
     show("comparing")
     if ours.levels and not getattr(theirs, "levels", 0):
         pixels = [as_integers(one, ours.levels) for one in pixels]
-    mean = np.mean(pixels, axis=0)
-    evidence = Evidence(
-        np.mean(ours.pixels, axis=0), mean, local_brightness(mean, lag), aovs, shapes
-    )
+    aside, used = set_aside(pixels)
+    mine, mean = np.mean(ours.pixels, axis=0), np.mean(used, axis=0)
+    scale = brightness_for_neighbours(mine, mean, lag, aside)
+    evidence = Evidence(mine, mean, scale, aovs, shapes, aside)
     diagnosis = diagnose(evidence, pixels, lag, sources, ours.pixels)
     trust = (BLIND,) if min(len(ours.pixels), len(pixels)) < SEEDS else ()
     return Comparison(diagnosis, evidence, lag, (*notes, *trust))

@@ -74,7 +74,7 @@ def diagnose(
     evidence
         The picture and what is known of the reference.
     references
-        Reference pictures with independent seeds; `evidence.reference` is their mean.
+        Reference pictures with independent seeds, that which is set aside included.
     lag
         As in `difference.compare`.
     slower
@@ -110,5 +110,5 @@ def _explained(evidence: Evidence, prediction: Prediction, lag: int) -> Explanat
 
     before, after = square(evidence.reference), max(0.0, square(prediction.pixels))
     share = 1.0 - after / before if before > 0.0 else 0.0
-    left = compare([evidence.picture], [prediction.pixels], lag)
+    left = compare([evidence.picture], [prediction.pixels], lag, evidence.aside)
     return Explanation(prediction, share, not left.differs)

@@ -32,13 +32,15 @@ class Evidence:
     picture
         (H, W, 3), linear if the mistake is not that it is not.
     reference
-        The mean of the reference pictures, with the filter of the picture.
+        The mean of the reference pictures without `aside`, with the filter of the picture.
     scale
         (H, W, 1), brightness that differences are measured in.
     aovs
         Of the reference, one ray for each pixel: "shape_index", "depth", ...
     shapes
         Names of the shapes by their index.
+    aside
+        The reference picture that only scales differences, see `set_aside`.
     """
 
     picture: Floats
@@ -46,6 +48,7 @@ class Evidence:
     scale: Floats
     aovs: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     shapes: Mapping[int, str] = field(default_factory=dict)
+    aside: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from scipy import ndimage
 import renderer
 from mitsuba_ref import renderer_compare
 from mitsuba_ref.diagnosis.diagnose import diagnose
-from mitsuba_ref.diagnosis.difference import compare, local_brightness
+from mitsuba_ref.diagnosis.difference import brightness_for_neighbours, compare, set_aside
 from mitsuba_ref.diagnosis.image_mistakes import Evidence
 from mitsuba_ref.diagnosis.picture_files import read_picture
 from mitsuba_ref.diagnosis.scene_mistakes import (
@@ -56,8 +56,10 @@ def references(truth):
 
 
 def named(picture, references, **given):
-    reference = np.mean(references, axis=0)
-    evidence = Evidence(picture, reference, local_brightness(reference, 1), **given)
+    aside, used = set_aside(references)
+    reference = np.mean(used, axis=0)
+    scale = brightness_for_neighbours(picture, reference, 1, aside)
+    evidence = Evidence(picture, reference, scale, aside=aside, **given)
     return diagnose(evidence, references, 1)
 
 

@@ -1,0 +1,127 @@
+"""`lightproof compare`: how often it gives the right name, and alarms for nothing.
+
+A faulty picture has a mistake with a name (see `reports.trials.faulty_pictures`). The rank
+of that name among those that `compare` gives is recorded: 1 is first, 0 is not at all.
+Right pictures are those of this renderer, 16 of each scene; a wrong verdict on one of them
+is a false alarm. At a rate of 1 in 300 one in 300 is expected, and 5 or more come with a
+probability of 0.4 %.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from mitsuba_ref.diagnosis.comparison import compare_with_scene
+from mitsuba_ref.diagnosis.scene_reference import SceneReference
+from reports.bench.rows import Row, Table
+from reports.bench.study import Bench, Study
+from reports.trials.faulty_pictures import (
+    SIZE,
+    SOURCES,
+    FaultyPicture,
+    right_picture,
+    room,
+    scene_path,
+)
+
+RIGHT = "right pictures"
+RANK, ALARMS = "rank of the right name", "right pictures called different"
+SEEDS = 16  # right pictures of each scene
+NOISY = tuple(
+    """analytic-shapes bumps caustic colour-bleeding cornell-box emitters evening-sky
+    grey-furnace instances kaleidoscope leaves many-lights metals principled-gallery
+    rough-materials room smooth-mesh textured-room white-furnace""".split()
+)
+
+
+@contextmanager
+def references(cases: Sequence[str], bench: Bench) -> Iterator[dict[Path, SceneReference]]:
+    """Keep the references of a run, and the scene that is written for it."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield {room(Path(folder)): None}  # type: ignore[dict-item]
+
+
+def measure(case: str, bench: Bench) -> Iterator[Row]:
+    """Yield the rank of each right name, or the number of false alarms."""
+    known: dict[Path, SceneReference] = bench.session
+    folder = next(iter(known)).parent
+
+    def reference(scene: Path) -> SceneReference:
+        if known.get(scene) is None:
+            known[scene] = SceneReference(scene, SIZE, quick=case == RIGHT, show=bench.show)
+        return known[scene]
+
+    if case == RIGHT:
+        for name in NOISY[:3] if bench.quick else NOISY:
+            bench.show(name)
+            path = scene_path(folder)(name)
+            yield false_alarms(case, name, path, reference(path))
+        return
+    faulty = list(SOURCES[case](folder))
+    for number, picture in enumerate(faulty[::9] if bench.quick else faulty, 1):
+        bench.show(f"{picture.name}, {number} of {len(faulty)}")
+        yield from ranked(case, picture, reference(picture.scene))
+
+
+def false_alarms(case: str, name: str, path: Path, reference: SceneReference) -> Row:
+    """Count right pictures that are called different."""
+    verdicts = [
+        compare_with_scene(right_picture(path, 1000 + seed), reference)
+        for seed in range(SEEDS)
+    ]
+    wrong = sum(one.differs for one in verdicts)
+    return Row(case=case, contender=name, quantity=ALARMS, value=wrong, unit=f"of {SEEDS}")
+
+
+def ranked(case: str, picture: FaultyPicture, reference: SceneReference) -> Iterator[Row]:
+    """Yield the rank of the right name, and the names given where it is not first."""
+    found = compare_with_scene(picture.make(), reference)
+    given = list(
+        dict.fromkeys(
+            one.prediction.name for one in found.diagnosis.explanations if one.share > 0.5
+        )
+    )
+    right = {picture.name, *picture.also}
+    places = [place for place, name in enumerate(given, 1) if name in right]
+    place = f"{picture.name}, {picture.scene.parent.name}"
+    if picture.scene.name == "room.xml":
+        place = f"{picture.name}, room"
+    if not found.differs:
+        # what changes nothing has no name
+        yield Row(case=case, contender=place, quantity="no difference seen", value="yes")
+        return
+    yield Row(case=case, contender=place, quantity=RANK, value=min(places, default=0))
+    if places[:1] != [1]:
+        first = ", ".join(given[:3]) or "none"
+        yield Row(case=case, contender=place, quantity="names given", value=first)
+
+
+def verdict(table: Table) -> str:
+    """Return how many names are right, and how many verdicts are wrong."""
+    ranks = [row.value for row in table.where(quantity=RANK)]
+    first, second, none = (sum(rank == place for rank in ranks) for place in (1, 2, 0))
+    alarms = table.where(quantity=ALARMS).rows
+    words = (
+        f"Of {len(ranks)} pictures with a known mistake that is seen, {first} get the "
+        f"right name first, {second} second, {none} not at all."
+    )
+    if alarms:
+        wrong = sum(row.value for row in alarms if isinstance(row.value, float))
+        words += f" Of {SEEDS * len(alarms)} right pictures {wrong} are called different."
+    return words
+
+
+STUDY = Study(
+    title="Naming mistakes",
+    sentence="How often does `lightproof compare` name the mistake in a picture, and how "
+    "often does it alarm for nothing?",
+    minutes=60,
+    quick_minutes=5,
+    cases=(RIGHT, *SOURCES),
+    measure=measure,
+    session=references,
+    verdict=verdict,
+)
