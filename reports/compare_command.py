@@ -15,7 +15,7 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.command.options import definition
 from renderer.errors import SceneError
-from renderer.rendering.render_options import parse_count
+from renderer.rendering.render_options import parse_count, parse_number
 from reports.pages.compare_page import compare_page
 
 SAME, DIFFERENT, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
@@ -38,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 spp=given.spp,
                 reference=given.reference,
                 quick=given.quick,
+                filter_radius=given.filter_radius,
                 show=show,
             )
     except KeyboardInterrupt:
@@ -141,6 +142,13 @@ def _parser() -> argparse.ArgumentParser:
         "--quick",
         action="store_true",
         help="try no mistake of the algorithm (each takes some 10 s, once for a scene)",
+    )
+    add(
+        "--filter-radius",
+        type=parse_number,
+        metavar="PIXELS",
+        help="of the reconstruction filter, 0.5 for a box (default: that of the scene, "
+        "else 3); the smaller, the smaller are the differences that are seen",
     )
     add("-o", "--output", type=Path, metavar="PAGE.html", help="write a page to look at")
     add("--json", type=Path, metavar="FILE", help="write the verdict for programs")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from mitsuba_ref.our_renderer.picture import Array
 from renderer.errors import SceneError
 from renderer.scene_file.description import SceneDescription
 
-UNKNOWN_LAG = 6  # [pixels] diameter of the widest usual filter, of Lanczos
+WIDEST = 3.0  # [pixels] radius of the widest usual filter, of Lanczos
 BLIND = (
     "From one picture the noise is estimated from neighbouring pixels: a bias that changes "
     "its sign from pixel to pixel, or that is in a few pixels alone, is not seen. Four or "
@@ -53,6 +54,7 @@ def renderer_compare(
     spp: int | None = None,
     reference: Literal["mitsuba", "ours"] = "mitsuba",
     quick: bool = True,
+    filter_radius: float | None = None,
     show: Show = lambda stage: None,
 ) -> Comparison:
     """Say whether pictures differ from references by more than noise, and by what mistake.
@@ -75,6 +77,10 @@ def renderer_compare(
         The program that renders the scene.
     quick
         Try no mistake for which our renderer must be compiled, some 10 s each.
+    filter_radius
+        Radius [pixels] of the reconstruction filter of all pictures: 0.5 for a box. None:
+        that of the scene, else 3, the widest that is usual. The smaller it is, the smaller
+        are the differences that are seen.
     show
         Called with what is being done.
 
@@ -97,10 +103,10 @@ def renderer_compare(
     if scene is not None:
         path = Path(scene)
         known = SceneReference(path, parameters, spp, reference, quick, show)
-        return _judged(ours, known, show)
+        return _judged(ours, known, show, filter_radius)
     theirs = _read(_listed(references))
     _check_sizes(ours, theirs.pixels[0].shape, f"the reference {theirs.names[0]}")
-    return _judged(ours, theirs, show)
+    return _judged(ours, theirs, show, filter_radius)
 
 
 def compare_with_scene(
@@ -110,18 +116,24 @@ def compare_with_scene(
     return _judged(_read(_listed(pictures)), reference, reference.show)
 
 
-def _judged(ours: _Pictures, theirs: _Pictures | SceneReference, show: Show) -> Comparison:
+def _judged(
+    ours: _Pictures,
+    theirs: _Pictures | SceneReference,
+    show: Show,
+    filter_radius: float | None = None,
+) -> Comparison:
     aovs: dict[str, Array] = {}
     shapes: dict[int, str] = {}
     sources: Sequence[Callable[[], list[Prediction]]] = ()
-    lag, notes = UNKNOWN_LAG, ours.notes
+    radius, notes = filter_radius or WIDEST, ours.notes
     if isinstance(theirs, _Pictures):
-        _check_large_enough(ours, lag)
         notes += theirs.notes
     else:
-        lag = theirs.lag
+        radius = max(filter_radius or 0.0, theirs.scene.camera.film.rfilter.radius)
         _check_film(ours, theirs.scene, theirs.path)
-        _check_large_enough(ours, lag)
+    lag = max(1, math.ceil(2.0 * radius - 1e-6))
+    _check_large_enough(ours, lag)
+    if not isinstance(theirs, _Pictures):
         aovs, shapes, sources = theirs.aovs, theirs.shapes, theirs.sources
     pixels = theirs.pixels
     show("comparing")

@@ -24,6 +24,7 @@ from mitsuba_ref.diagnosis.image_mistakes import (
 )
 
 PER_PARAMETER = 0.01  # share that a fitted number must explain to count
+FOR_WHOLE = 0.05  # share that a prediction is ahead if what it leaves can be noise
 LIKELY = 0.5  # a prediction that explains less is not named
 WHOLE = 0.97  # with more than this no further, slower mistakes are tried
 
@@ -42,7 +43,8 @@ class Explanation:
     @property
     def rank(self) -> float:
         """Larger is likelier."""
-        return self.share - PER_PARAMETER * self.prediction.parameters
+        ahead = FOR_WHOLE if self.whole else 0.0
+        return self.share + ahead - PER_PARAMETER * self.prediction.parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,9 @@ def diagnose(
 
     for mistake in IMAGE_MISTAKES:
         judge(mistake(evidence))
-    for source in slower:
-        if any(one.share > WHOLE and one.whole for one in found):
+    for number, source in enumerate(slower):
+        # the first takes a second, and a fitted number explains some of its mistakes
+        if number and any(one.share > WHOLE and one.whole for one in found):
             break
         judge(source())
     ranked = sorted(found, key=lambda one: one.rank, reverse=True)

@@ -123,8 +123,8 @@ def local_brightness(
 def brightness_for_neighbours(
     picture: Floats, reference: Floats, lag: int, aside: Floats | None
 ) -> Floats:
-    """Return the brightness for pairs that are `lag` apart."""
-    return local_brightness(picture, reference, 2 * lag, 4 * lag, aside)
+    """Return the brightness for pairs that are `lag` to 2 `lag` apart."""
+    return local_brightness(picture, reference, 3 * lag, 5 * lag, aside)
 
 
 def residuals(picture: Floats, reference: Floats, scale: Floats) -> Floats:
@@ -188,7 +188,7 @@ def compare(
     ]
     scale = brightness_for_neighbours(picture, reference, lag, aside)
     near = residuals(picture, reference, scale)
-    tests += _product_tests(near, lag, lag, lag)
+    tests += _product_tests(near, lag, lag, 2 * lag)
     # the nearest pixels scale a residual, so that a lamp in the wrong place does not count
     # for all others; partners are too far away to share them
     scale = local_brightness(picture, reference, lag, 2 * lag, aside)

@@ -36,7 +36,8 @@ class Evidence:
     scale
         (H, W, 1), brightness that differences are measured in.
     aovs
-        Of the reference, one ray for each pixel: "shape_index", "depth", ...
+        Of the reference, one ray for each pixel: "depth", "shape_index", which is 0 where
+        the ray meets nothing, ...
     shapes
         Names of the shapes by their index.
     aside
@@ -306,9 +307,9 @@ def clamped(evidence: Evidence) -> Iterator[Prediction]:
 def background(evidence: Evidence) -> Iterator[Prediction]:
     """Predict a sky that is missing where a ray meets nothing."""
     shape = evidence.aovs.get("shape_index")
-    if shape is None or not np.any(shape < 0) or np.all(shape < 0):
+    if shape is None or not np.any(shape <= 0) or np.all(shape <= 0):
         return
-    seen = (shape.reshape(shape.shape[:2]) >= 0)[..., None]
+    seen = (shape.reshape(shape.shape[:2]) > 0)[..., None]
     if float(np.abs(evidence.reference[~seen[..., 0]]).max()) > 0.0:
         yield Prediction(
             "no-background",
@@ -324,7 +325,7 @@ def materials(evidence: Evidence) -> Iterator[Prediction]:
     if shape is None:
         return
     index = shape.reshape(shape.shape[:2])
-    for number in np.unique(index[index >= 0]):
+    for number in np.unique(index[index > 0]):
         where = (index == number)[..., None]
         if where.sum() < 16:
             continue

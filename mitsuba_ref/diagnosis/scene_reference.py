@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
 from pathlib import Path
@@ -25,6 +24,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import SceneError
+from renderer.scene.placed_groups import shape_numbers
 from renderer.scene_file import read_file_with
 from renderer.scene_file.description import SceneDescription
 
@@ -63,8 +63,6 @@ class SceneReference:
         self.path, self.parameters = path, dict(parameters or {})
         self.spp, self.by, self.quick, self.show = spp, by, quick, show
         self.scene: SceneDescription = read_file_with(path, self.parameters)
-        radius = self.scene.camera.film.rfilter.radius
-        self.lag = max(1, math.ceil(2.0 * radius - 1e-6))
         self._predictions: dict[str, list[Prediction]] = {}
 
     @cached_property
@@ -96,9 +94,14 @@ class SceneReference:
 
     @property
     def shapes(self) -> dict[int, str]:
-        """Names of shapes by their index."""
-        shapes = enumerate(self.scene.every_shape)
-        return {k: shape.id or f"number {k + 1}" for k, shape in shapes}
+        """Names of shapes by their index, which counts the shapes in the file from 1."""
+        numbers = shape_numbers(self.scene).tolist()
+        named = {
+            number: shape.id or f"number {number}"
+            for shape, number in zip(self.scene.shapes, numbers, strict=False)
+        }
+        places = [instance.place + 1 for instance in self.scene.instances]
+        return named | {place: f"number {place} (instance)" for place in places}
 
     @property
     def sources(self) -> list[Callable[[], list[Prediction]]]:

@@ -88,7 +88,7 @@ def places(found: Comparison) -> list[Place]:
     else:
         of = index.reshape(height, width).astype(np.int64)
         names = {k: f"shape {name}" for k, name in evidence.shapes.items()}
-        names[-1] = "the background"
+        names[0] = "the background"
     mine, theirs = (p.mean(axis=2) for p in (evidence.picture, evidence.reference))
     # noise cancels in a mean of neighbours, and a difference does not
     strength = np.abs(_smooth(mine - theirs))

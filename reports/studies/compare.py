@@ -109,8 +109,9 @@ def verdict(table: Table) -> str:
         f"right name first, {second} second, {none} not at all."
     )
     if alarms:
-        wrong = sum(row.value for row in alarms if isinstance(row.value, float))
-        words += f" Of {SEEDS * len(alarms)} right pictures {wrong} are called different."
+        wrong = sum(int(row.value or 0) for row in alarms)
+        are = "is" if wrong == 1 else "are"
+        words += f" Of {SEEDS * len(alarms)} right pictures {wrong} {are} called different."
     return words
 
 

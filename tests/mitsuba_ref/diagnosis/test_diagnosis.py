@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -21,6 +22,7 @@ from mitsuba_ref.diagnosis.scene_mistakes import (
     algorithm_mistakes,
     reading_mistakes,
 )
+from mitsuba_ref.diagnosis.scene_reference import SceneReference
 from mitsuba_ref.mutations.mutation import mutated_files
 from renderer.errors import SceneError
 from renderer.rendering.picture.picture import srgb_from_linear
@@ -28,6 +30,7 @@ from renderer.scene_file import read_string
 from renderer.scene_file.images.image import SRGB_FROM_XYZ
 from reports import compare_command
 
+ROOT = Path(__file__).resolve().parents[3]
 SIDE = 96
 
 
@@ -91,6 +94,34 @@ def test_a_stated_bias_is_seen(truth, references):
     assert 0.0 < stated < 0.05
     biased = [noisy(truth, k) * (1.0 + 1.5 * stated) for k in range(30)]
     assert all(compare([one], references, 1).differs for one in biased)
+
+
+def test_noise_of_few_pixels_is_no_difference(truth):
+    """Rare bright samples in a small disk, as in a caustic: 1 of 20 differed."""
+    y, x = np.mgrid[0:SIDE, 0:SIDE] / SIDE
+    disk = 60.0 * ((x - 0.6) ** 2 + (y - 0.6) ** 2 < 0.005)
+    rng = np.random.default_rng(8)
+
+    def drawn():
+        rare = (rng.random(disk.shape) < 0.05) * rng.exponential(size=disk.shape)
+        return (
+            truth * (1.0 + 0.05 * rng.standard_normal(truth.shape))
+            + (disk * rare)[..., None]
+        )
+
+    found = [compare([drawn()], [drawn() for _ in range(4)], 1) for _ in range(60)]
+    assert not any(one.differs for one in found)
+
+
+@pytest.mark.parametrize("place", ["upside down", "cut off"])
+def test_a_bright_lamp_does_not_hide_a_difference(truth, place):
+    """A lamp of 100 times the brightness, and noise of 30 %."""
+    lit = truth.copy()
+    lit[4:10, 40:64] += 100.0
+    wrong = lit[::-1] if place == "upside down" else np.minimum(lit, 1.0)
+    references = [noisy(lit, k) for k in range(4)]
+    assert not compare([noisy(lit, 9)], references, 1).differs
+    assert compare([noisy(wrong, 9)], references, 1).differs
 
 
 MISTAKES = {
@@ -339,6 +370,24 @@ def test_layers_and_xyz_of_exr_files(truth, tmp_path, layer):
 def test_bad_arrays_are_one_line(given, says):
     with pytest.raises(SceneError, match=says):
         renderer_compare(np.ones((64, 64, 3)), **given)
+
+
+def test_shapes_have_the_names_of_the_file():
+    """A difference in the pixels of one shape is said of this shape."""
+    reference = SceneReference(ROOT / "scenes/instances/scene.xml", by="ours")
+    assert reference.shapes[401] == "sand" and "instance" in reference.shapes[146]
+    reference = SceneReference(ROOT / "scenes/smooth-mesh/scene.xml", by="ours")
+    index = reference.aovs["shape_index"][..., 0]
+    assert reference.shapes == {1: "smooth", 2: "faceted", 3: "floor"}
+    assert index[0, 0] == 3 and index[72, 80] == 1 and index[72, 144] == 2
+
+
+def test_a_missing_background_is_named(truth, references):
+    index = np.ones((SIDE, SIDE, 1), np.float32)
+    index[:30] = 0
+    seen = np.where(index > 0, truth, 0.0)
+    found = named(noisy(seen, 5, 0.1), references, aovs={"shape_index": index})
+    assert found.names[0] == "no-background"
 
 
 def test_a_crop_window_is_told(scene, tmp_path):
