@@ -17,8 +17,13 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.diagnosis.diagnose import diagnose
 from mitsuba_ref.diagnosis.difference import SMALLEST, brightness_for_neighbours, set_aside
-from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, Prediction
-from mitsuba_ref.diagnosis.picture_files import as_integers, read_picture
+from mitsuba_ref.diagnosis.image_mistakes import (
+    Evidence,
+    Floats,
+    Prediction,
+    as_integers,
+)
+from mitsuba_ref.diagnosis.picture_files import WANTED, read_picture
 from mitsuba_ref.diagnosis.scene_reference import SEEDS, SceneReference, Show
 from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.our_renderer.picture import Array
@@ -135,15 +140,15 @@ def _judged(
     _check_large_enough(ours, lag)
     if not isinstance(theirs, _Pictures):
         aovs, shapes, sources = theirs.aovs, theirs.shapes, theirs.sources
-    pixels = theirs.pixels
     show("comparing")
-    if ours.levels and not getattr(theirs, "levels", 0):
-        pixels = [as_integers(one, ours.levels) for one in pixels]
+    pixels = as_kept = theirs.pixels
+    if ours.levels:
+        as_kept = [as_integers(one, ours.levels) for one in pixels]
     aside, used = set_aside(pixels)
     mine, mean = np.mean(ours.pixels, axis=0), np.mean(used, axis=0)
     scale = brightness_for_neighbours(mine, mean, lag, aside)
-    evidence = Evidence(mine, mean, scale, aovs, shapes, aside)
-    diagnosis = diagnose(evidence, pixels, lag, sources, ours.pixels)
+    evidence = Evidence(mine, mean, scale, aovs, shapes, aside, ours.levels)
+    diagnosis = diagnose(evidence, as_kept, lag, sources, ours.pixels)
     trust = (BLIND,) if min(len(ours.pixels), len(pixels)) < SEEDS else ()
     return Comparison(diagnosis, evidence, lag, (*notes, *trust))
 
@@ -193,6 +198,8 @@ def _array(values: Any, name: str) -> Floats:
         found: Floats = np.asarray(values, np.float64)
     except (TypeError, ValueError):
         found = np.empty(())
+    if getattr(values, "dtype", np.dtype(float)).kind in "iub":
+        raise SceneError(f"{name} holds integers; {WANTED}")
     if found.ndim == 2:
         found = np.repeat(found[..., None], 3, axis=2)
     if found.ndim != 3 or found.shape[2] not in (1, 3, 4) or 0 in found.shape:
@@ -207,12 +214,12 @@ def _size(shape: Sequence[int]) -> str:
     return f"{shape[1]} x {shape[0]}"
 
 
-def _check_sizes(ours: _Pictures, shape: Sequence[int], what: str) -> None:
+def _check_sizes(ours: _Pictures, shape: Sequence[int], what: str, hint: str = "") -> None:
     found = ours.pixels[0].shape
     if tuple(found[:2]) != tuple(shape[:2]):
         raise SceneError(
             f"{ours.names[0]} has {_size(found)} pixels, {what} {_size(shape)}; equal "
-            "sizes are needed"
+            "sizes are needed" + hint
         )
 
 
@@ -226,7 +233,8 @@ def _check_film(ours: _Pictures, scene: SceneDescription, path: Path) -> None:
             f"{ours.names[0]} has {_size(found)} pixels, the whole film of {path}; the "
             f"scene's crop window has {_size(crop)}: write this part of the picture"
         )
-    _check_sizes(ours, crop, f"the film of {path}")
+    hint = "; -D name=value replaces a <default> of the scene, such as its width"
+    _check_sizes(ours, crop, f"the film of {path}", hint)
 
 
 def _check_large_enough(ours: _Pictures, lag: int) -> None:

@@ -21,6 +21,7 @@ from mitsuba_ref.diagnosis.image_mistakes import (
     Evidence,
     Floats,
     Prediction,
+    as_integers,
 )
 
 PER_PARAMETER = 0.01  # share that a fitted number must explain to count
@@ -108,10 +109,14 @@ def diagnose(
 
 
 def _explained(evidence: Evidence, prediction: Prediction, lag: int) -> Explanation:
+    def kept(pixels: Floats) -> Floats:
+        return as_integers(pixels, evidence.levels) if evidence.levels else pixels
+
     def square(pixels: Floats) -> float:
         return noise_free_square(residuals(evidence.picture, pixels, evidence.scale), lag)
 
-    before, after = square(evidence.reference), max(0.0, square(prediction.pixels))
+    predicted = kept(prediction.pixels)
+    before, after = square(kept(evidence.reference)), max(0.0, square(predicted))
     share = 1.0 - after / before if before > 0.0 else 0.0
-    left = compare([evidence.picture], [prediction.pixels], lag, evidence.aside)
+    left = compare([evidence.picture], [predicted], lag, evidence.aside)
     return Explanation(prediction, share, not left.differs)

@@ -32,7 +32,8 @@ class Evidence:
     picture
         (H, W, 3), linear if the mistake is not that it is not.
     reference
-        The mean of the reference pictures without `aside`, with the filter of the picture.
+        The mean of the reference pictures without `aside`, with the filter of the picture;
+        not cut off as integers are.
     scale
         (H, W, 1), brightness that differences are measured in.
     aovs
@@ -42,6 +43,9 @@ class Evidence:
         Names of the shapes by their index.
     aside
         The reference picture that only scales differences, see `set_aside`.
+    levels
+        The largest integer of the picture's file, which was decoded by the curve of sRGB; 0
+        if it holds floating-point values.
     """
 
     picture: Floats
@@ -50,6 +54,7 @@ class Evidence:
     aovs: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     shapes: Mapping[int, str] = field(default_factory=dict)
     aside: Floats | None = None
+    levels: int = 0
 
 
 @dataclass(frozen=True)
@@ -109,9 +114,18 @@ def fitted_factor(evidence: Evidence, where: Floats | float = 1.0) -> float:
     return float(np.sum(weight * evidence.picture)) / below if below > 0.0 else 1.0
 
 
+def as_integers(pixels: Floats, levels: int) -> Floats:
+    """Return linear values as a PNG keeps them: cut off at 1, and in `levels` steps."""
+    steps = np.round(levels * srgb_from_linear(pixels)) / levels
+    return np.asarray(linear_from_srgb(steps), np.float64)
+
+
 def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
     """Predict a curve that was applied, or applied in the wrong direction."""
     r = np.maximum(evidence.reference, 0.0)
+    if evidence.levels:
+        yield from _curves_of_integers(r)
+        return
     advice = "Write linear values to EXR, HDR, PFM and NPY; apply the curve to PNG once."
     yield Prediction(
         "srgb-curve-applied",
@@ -143,6 +157,28 @@ def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
         "Compare values before tone mapping.",
         r / (1.0 + r),
     )
+
+
+def _curves_of_integers(r: Floats) -> Iterator[Prediction]:
+    """Predict a file of integers that was written with another curve than that of sRGB."""
+    advice = "Apply the curve of sRGB once, to linear values in [0, 1], before rounding."
+    bright = np.minimum(r, 1.0)
+    for name, sentence, encoded in (
+        ("srgb-curve-missing", "The file holds linear values without a curve.", bright),
+        (
+            "gamma-2.2-instead-of-srgb",
+            "The values were raised to 1 / 2.2: the curve of sRGB is another one.",
+            bright ** (1.0 / 2.2),
+        ),
+        (
+            "srgb-curve-applied-twice",
+            "The curve of sRGB was applied twice.",
+            srgb_from_linear(srgb_from_linear(bright)),
+        ),
+        ("tone-mapped", "Reinhard's tone map x / (1 + x) was applied.",
+         srgb_from_linear(r / (1.0 + r))),
+    ):  # fmt: skip
+        yield Prediction(name, sentence, advice, linear_from_srgb(encoded))
 
 
 def factors(evidence: Evidence) -> Iterator[Prediction]:

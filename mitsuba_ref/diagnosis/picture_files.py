@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from mitsuba_ref.diagnosis.image_mistakes import Floats
 from renderer.command.compare_pictures import read_planes
 from renderer.errors import SceneError
-from renderer.rendering.picture.picture import srgb_from_linear
-from renderer.scene_file.images.image import SRGB_FROM_XYZ, linear_from_srgb
+from renderer.scene_file.images.image import SRGB_FROM_XYZ
 from renderer.scene_file.images.images import read_texels
 
 XYZ = ("X", "Y", "Z")
 CHANNELS = ("R", "G", "B"), ("r", "g", "b"), XYZ, ("Y", "Y", "Y"), ("0", "1", "2")
+WANTED = "linear values are expected, as floating-point numbers"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class PictureFile:
 def read_picture(path: Path) -> PictureFile:
     """Read a picture.
 
-    EXR, NPY, HDR and PFM hold linear values. PNG, JPEG, BMP and TGA are decoded by the
-    curve of sRGB.
+    EXR, NPY, HDR and PFM hold linear values. PNG, BMP and TGA are decoded by the curve of
+    sRGB. JPEG is refused, as its noise is not independent.
 
     Raises
     ------
@@ -46,7 +46,16 @@ def read_picture(path: Path) -> PictureFile:
     if not path.is_file():
         raise SceneError(f"{path}: no such picture")
     if path.suffix.lower() in (".exr", ".npy"):
-        return PictureFile(_colours(path, read_planes(path)))
+        planes = read_planes(path)
+        kind = next(iter(planes.values())).dtype.kind
+        if path.suffix.lower() == ".npy" and kind in "iub":
+            raise SceneError(f"{path} holds integers; {WANTED}")
+        return PictureFile(_colours(path, planes))
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        raise SceneError(
+            f"{path}: JPEG spreads the noise of a pixel over its neighbours, so that it "
+            "looks like a difference; write PNG, EXR, HDR, PFM or NPY"
+        )
     image = read_texels(path)
     pixels = np.asarray(image.linear, dtype=np.float64)
     if image.texels.dtype.kind != "u":
@@ -58,12 +67,6 @@ def read_picture(path: Path) -> PictureFile:
         "the reference, as cut-off noise has another mean"
     )
     return PictureFile(pixels, note, 2**bits - 1)
-
-
-def as_integers(pixels: Floats, levels: int) -> Floats:
-    """Return linear values as a PNG keeps them: cut off at 1, and in `levels` steps."""
-    steps = np.round(levels * srgb_from_linear(pixels)) / levels
-    return np.asarray(linear_from_srgb(steps), np.float64)
 
 
 def _colours(path: Path, planes: dict[str, NDArray[np.generic]]) -> Floats:

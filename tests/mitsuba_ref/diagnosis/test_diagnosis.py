@@ -250,6 +250,8 @@ def test_two_pictures_without_a_scene(scene, tmp_path, capsys):
             "none/x.json: there is no such",
         ),
         (["nan.npy", "a.npy"], "nan.npy: 1 pixels are NaN or infinite, the first at x = 4"),
+        (["int.npy", "a.npy"], "int.npy holds integers; linear values are expected"),
+        (["a.jpg", "a.npy"], "a.jpg: JPEG spreads the noise"),
         (["two.npy", "a.npy"], "two.npy: the channels 0, 1; R, G, B or Y are possible"),
         (["a.npy", "--scene", "none.xml"], "none.xml"),
     ],
@@ -264,8 +266,10 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, says):
         "small": good[:2, :3],
         "nan": broken,
         "two": good[..., :2],
+        "int": good.astype(np.uint8),
     }.items():
         np.save(f"{name}.npy", pixels)
+    Path("a.jpg").write_bytes(b"\xff\xd8\xff")
     status, out, err = run(capsys, *words)
     assert (status, out) == (compare_command.WRONG_USE, "")
     assert says in err and err.count("\n") == 1
@@ -342,6 +346,25 @@ def test_a_right_png_with_lamps_is_no_difference(truth, tmp_path, capsys):
     assert status == compare_command.SAME and "8 bits a channel" in out
 
 
+@pytest.mark.parametrize(
+    ("name", "curve"),
+    [
+        ("srgb-curve-missing", lambda p: p),
+        ("gamma-2.2-instead-of-srgb", lambda p: p ** (1 / 2.2)),
+        ("srgb-curve-applied-twice", lambda p: srgb_from_linear(srgb_from_linear(p))),
+        ("tone-mapped", lambda p: srgb_from_linear(p / (1.0 + p))),
+        ("factor-1/2", lambda p: srgb_from_linear(0.5 * p)),
+    ],
+)
+def test_curves_of_a_png_get_their_names(truth, references, tmp_path, name, curve):
+    from PIL import Image
+
+    encoded = np.clip(255.0 * curve(noisy(truth, 1, 0.1)), 0, 255)
+    Image.fromarray(np.round(encoded).astype(np.uint8)).save(tmp_path / "a.png")
+    found = renderer_compare(tmp_path / "a.png", references, filter_radius=0.5)
+    assert found.named[0].prediction.name == name, found.sentences()
+
+
 @pytest.mark.parametrize("layer", ["", "ViewLayer.Combined."])
 def test_layers_and_xyz_of_exr_files(truth, tmp_path, layer):
     colours = truth.astype(np.float32)
@@ -360,6 +383,7 @@ def test_layers_and_xyz_of_exr_files(truth, tmp_path, layer):
         ({"references": "word"}, "word: no such picture"),
         ({"references": np.ones((4, 4, 2))}, r"expected an array \(H, W, 3\) of numbers"),
         ({"references": [None]}, "expected an array"),
+        ({"references": np.ones((64, 64, 3), np.uint8)}, "array 1 holds integers"),
         ({"references": []}, "there is no picture"),
         (
             {"references": np.ones((64, 32))},
