@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import renderer
+from renderer.command.built_in_scenes import demos
 from renderer.command.interrupts import Interrupts
 from renderer.command.options import read_options, render_options
 from renderer.command.outputs import (
@@ -144,7 +145,18 @@ def _clear_caches() -> int:
 
 
 def scene_file(given: Path) -> Path:
-    """Return the file of a scene that is given by it or by its folder."""
+    """Return the file of a scene that is given by it or by its folder.
+
+    Raises
+    ------
+    SceneError
+        If there is none, and the name is that of a scene that is installed.
+    """
+    if str(given) in demos() and not given.exists():
+        raise SceneError(
+            f"{given}: no such scene file; `lightproof demo {given}` renders the scene of "
+            "that name that is installed"
+        )
     return given / "scene.xml" if given.is_dir() else given
 
 

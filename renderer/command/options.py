@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import renderer
+from renderer.command.built_in_scenes import list_of_demos
 from renderer.command.sweep import parse_frames
 from renderer.errors import did_you_mean
 from renderer.process.cache_folder import cache_root
@@ -21,6 +22,7 @@ EPILOG = """examples:
   lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
   lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
   lightproof --compare a.exr b.exr                     are their pixels equal?
+  lightproof demo cornell-box                          a scene that is installed
 
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 
@@ -65,7 +67,12 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
             word = word.replace("_", "-")
             parser.error(f"--{word} takes no scene and no other option")
     elif options.scene is None:
-        parser.error("the following arguments are required: SCENE.xml")
+        parser.exit(
+            2,
+            f"{parser.prog}: error: the following arguments are required: SCENE.xml; "
+            "--help lists the options\n\nscenes that `lightproof demo NAME` renders:\n"
+            f"{list_of_demos()}\n",
+        )
     if options.frames is not None:
         if options.checkpoint is not None or options.checkpoint_every is not None:
             parser.error("--checkpoint is of one picture; frames need --resume alone")
