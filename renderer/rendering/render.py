@@ -39,6 +39,8 @@ from renderer.rendering.checkpoints.checkpoint import (
 )
 from renderer.rendering.checkpoints.identity import identity_of
 from renderer.rendering.cluster.connect import workers_of
+from renderer.rendering.denoise import SPP as SPP_OF_GUIDES
+from renderer.rendering.denoise import check_denoising, denoised, guides_of
 from renderer.rendering.film.film import Film
 from renderer.rendering.goal import Goal, goal_of, options_of_goal
 from renderer.rendering.job import RenderJob, build_job
@@ -53,6 +55,7 @@ from renderer.rendering.tile_sources import Threads, TileSource
 from renderer.scene.scene import Scene
 
 _END: Any = object()  # of the scenes of a sweep
+_OF_GUIDES = ("seed", "threads", "accel", "memory")  # options that they share
 AHEAD = 2  # pictures of a sweep that are under way on a cluster besides the first
 INSTEAD = (
     "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
@@ -115,6 +118,8 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
     options = options_of_goal(scene, options)
     (_, plan), *of_colors = renders = plans_of(scene, options)
     goal = goal_of(options, plan)
+    if options.denoise:
+        check_denoising(plan, has_colors=bool(of_colors))
     checkpoint, options_of_colors = _checkpoints(scene, options, renders)
     with limited_to(options.memory):  # AOVs are there while their colours are rendered
         check_room(estimate_all(renders, options), scene.description.source, INSTEAD)
@@ -126,7 +131,16 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
 
 
 def finish(begun: Begun, show: Show) -> Image:
-    """Let the film get its samples, and return the picture."""
+    """Let the film get its samples, and return the picture; denoised, if it is whole."""
+    image, job = _picture(begun, show), begun.job
+    if not (job.options.denoise and image.complete):
+        return image
+    same = {name: getattr(job.options, name) for name in _OF_GUIDES}
+    options = RenderOptions(spp=SPP_OF_GUIDES, sampler="multijitter", **same)
+    return denoised(image, finish(begin(guides_of(job.scene), options, None), None))
+
+
+def _picture(begun: Begun, show: Show) -> Image:
     job, film, source, goal, checkpoint, colors = begun
     outcome = run(job, film, source, goal=goal, checkpoint=checkpoint, progress=show)
     if outcome.trouble and film.samples_done == 0:
@@ -148,7 +162,9 @@ def _checkpoints(
     scene: Scene, options: RenderOptions, renders: list[Any]
 ) -> tuple[Checkpoint | None, RenderOptions]:
     """Return the checkpoint, and the options of the colours beside AOVs with theirs."""
-    without = dataclasses.replace(options, integrator=None, checkpoint=None, resume=False)
+    without = dataclasses.replace(
+        options, integrator=None, checkpoint=None, resume=False, denoise=False
+    )
     if options.checkpoint is None:
         return None, without
     path = Path(options.checkpoint)

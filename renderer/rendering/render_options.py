@@ -366,6 +366,15 @@ class RenderOptions:
         choices=LIGHT_CHOICES,
         noun="light choice",
     )
+    denoise: bool = _option(
+        False,
+        "--denoise",
+        "picture",
+        "let Open Image Denoise guess the picture without noise, by albedo and normals "
+        "(needs the extra `denoise`); the file says so and keeps the picture before it as "
+        "the AOV `noisy`, and errors are those of that picture",
+        check=truth,
+    )
     metadata: Mapping[str, str] | None = _option(
         None,
         "",
