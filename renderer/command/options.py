@@ -13,6 +13,7 @@ from renderer.command.built_in_scenes import list_of_demos
 from renderer.command.sweep import parse_frames
 from renderer.errors import did_you_mean
 from renderer.process.cache_folder import cache_root
+from renderer.process.names import TEV
 from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions
 
 EPILOG = """examples:
@@ -198,6 +199,20 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "pixels and AOVs, bit for bit, or how they differ (status 1); a checksum of EXR "
         "files differs with the command in their headers",
     )
+    add(
+        "--view",
+        action="store_true",
+        help="show the picture in the browser while it is rendered: a page of this machine "
+        "alone, with zoom, exposure, pixel values and AOVs, that keeps the last picture",
+    )
+    add(
+        "--tev",
+        nargs="?",
+        const=TEV,
+        type=_told(_host_and_port),
+        metavar="HOST:PORT",
+        help=f"send tiles to a tev that is running (default: {TEV})",
+    )
     add("--quiet", action="store_true", help="print warnings and errors only")
     add(
         "--compile",
@@ -220,6 +235,13 @@ def _told(parse: Callable[[str], Any]) -> Callable[[str], Any]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return read
+
+
+def _host_and_port(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
+        raise ValueError(f"{text!r} is not HOST:PORT; without one --tev stands at the end")
+    return host, int(port)
 
 
 def _folder(text: str) -> Path:

@@ -20,14 +20,12 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.errors import ClusterError, NotAllowed, SceneError
-from renderer.integrators.moment import show_moments
 from renderer.process.memory import limited_to
 from renderer.process.names import VERSION
 from renderer.rendering.accuracy import Accuracy
@@ -48,10 +46,11 @@ from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
-from renderer.rendering.progress_display import Progress, shown
+from renderer.rendering.progress_display import Progress
 from renderer.rendering.render_loop import Outcome, run
 from renderer.rendering.render_options import RenderOptions, shown_value
 from renderer.rendering.tile_sources import Threads, TileSource
+from renderer.rendering.watching.notebook import watched
 from renderer.scene.scene import Scene
 
 _END: Any = object()  # of the scenes of a sweep
@@ -91,7 +90,7 @@ def render_with(scene: Scene, options: RenderOptions) -> Image:
     TypeError
         If `scene` is not a Scene, or an option has another type than it needs.
     """
-    with shown(options.progress) as show:
+    with watched(options) as show:
         return finish(begin(scene, options, show), show)
 
 
@@ -211,7 +210,7 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
     def fill() -> None:
         ahead = 0 if workers is None else AHEAD
         while len(waiting) <= ahead and (scene := next(following, _END)) is not _END:
-            with shown(options.progress) as show:
+            with watched(options) as show:
                 begun = begin(scene, options, show)
             waiting.append(begun)
             if workers is not None and begun.goal is None:
@@ -228,7 +227,7 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
                 raise failure
             if not waiting:
                 return
-            with shown(options.progress) as show:  # its bar has gone when others may print
+            with watched(options) as show:  # its bar has gone when others may print
                 image = finish(waiting.popleft(), show)
             yield image
             if not image.complete:
@@ -246,9 +245,7 @@ def image_of(
 ) -> Image:
     """Return the picture of the samples in a film: of a band, its complete rows."""
     plan, accuracy = job.plan, outcome.accuracy
-    requested = job.scene.description.integrator
-    show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
-    shown = show(film.develop(job.threads), requested)
+    shown = job.shown(film.develop(job.threads))
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,

@@ -278,6 +278,13 @@ class RenderOptions:
         "called with a `Progress` in the calling thread, several times a second; True: a "
         "bar with the time left, in a terminal or a notebook, else a line now and then",
     )
+    live: bool = _option(
+        False,
+        "",
+        "",
+        "draw the picture in the notebook while it is rendered",
+        check=truth,
+    )
     ray_offset: str | None = _option(
         None,
         "--ray-offset NAME",
