@@ -54,7 +54,7 @@ def _parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
         description="Write a model (.glb, .gltf, .obj, .ply, .stl and what else trimesh "
         "reads) as a Mitsuba 3 scene. Meshes become PLY files and textures PNG files, in "
-        "a folder beside the scene. A model without a camera gets one that frames it, and "
+        "a folder next to the scene. A model without a camera gets one that frames it, and "
         "a model without lights an even sky and a sun. What is not carried over is listed.",
         epilog=f"Exit status: {DONE} the scene is written and lightproof reads it, "
         f"{REFUSED} it is written and lightproof refuses it, {WRONG_USE} the model or the "

@@ -38,7 +38,7 @@ Matrix = NDArray[np.float64]
 
 
 def convert_model(path: Path, output: Path, up: str | None = None) -> list[str]:
-    """Write a model as a scene, with its meshes and textures in a folder beside it.
+    """Write a model as a scene, with its meshes and textures in a folder next to it.
 
     Parameters
     ----------

@@ -1,8 +1,7 @@
 """Scenes of Mitsuba 0.4 to 0.6 as those of Mitsuba 3: names, values, and what has no heir.
 
 Property names follow the rule of Mitsuba 3's own reader (`xml_tree.current_name`). The
-tables below have what that rule does not cover. They were made from the parameters that
-Mitsuba 0.6 documents [Jakob2010] and those that 3.9.1 reads.
+tables of `old_plugins` have what that rule does not cover.
 """
 
 from __future__ import annotations
@@ -12,6 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from renderer.conversion.old_plugins import (
+    HINTS,
+    KEPT,
+    NO_HEIR,
+    PLUGINS,
+    RENAMED,
+    UV,
+    VALUES,
+)
 from renderer.conversion.xml_edits import EditedXml, Node
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
@@ -23,88 +31,6 @@ from renderer.scene_file.plugins import TAGS, supported_plugins
 CHANGED, APPROXIMATED, DROPPED, LEFT = "changed", "approximated", "dropped", "left"
 VERSION = "3.0.0"
 OLDEST = (0, 4)  # before it cameras looked the other way
-
-_TAGS = {"lookAt": "lookat"}
-_PATH = "another method for the same picture"
-_PLUGINS = {  # (tag, old): (new, what differs; nothing if the name alone does)
-    ("integrator", "volpath_simple"): ("volpath", ""),
-    **{
-        ("integrator", name): ("path", _PATH)
-        for name in "bdpt mlt pssmlt erpt photonmapper ppm sppm vpl".split()
-    },
-    **{
-        ("sampler", name): ("multijitter", "another pattern, the same expected picture")
-        for name in "halton hammersley sobol faure".split()
-    },
-    **{
-        ("film", name): ("hdrfilm", "the ending of the output says the kind of file")
-        for name in "ldrfilm tiledhdrfilm mfilm".split()
-    },
-    ("sensor", "perspective_rdist"): ("perspective", "without radial distortion"),
-    ("bsdf", "roughdiffuse"): ("diffuse", "without roughness"),
-}
-_KEPT = {  # of a plugin that another one replaces
-    "integrator": {"max_depth", "rr_depth", "hide_emitters"},
-    "sampler": {"sample_count"},
-    "bsdf": {"reflectance"},
-}
-_RENAMED = {("film", "high_quality_edges"): "sample_border"}
-_NO_EFFECT = "it does not change the picture"
-_TONES = "pictures are linear; the ending of the output says how they are stored"
-_DROPPED = {  # (tag, name in Mitsuba 3's style): why
-    ("integrator", "strict_normals"): "Mitsuba 3 has no such check",
-    ("sampler", "dimension"): _NO_EFFECT,
-    ("sampler", "scramble"): _NO_EFFECT,
-    ("film", "attach_log"): _NO_EFFECT,
-    ("film", "channel_names"): "the integrator `aov` names its own",
-    **{("film", n): _TONES for n in "gamma exposure key burn tonemap_method".split()},
-    ("film", "variable"): _NO_EFFECT,
-    ("film", "digits"): _NO_EFFECT,
-    ("shape", "max_smooth_angle"): "normals are those of the file, or smooth without it",
-    ("shape", "collapse"): _NO_EFFECT,
-    ("shape", "load_materials"): "a material file is never read",
-    ("shape", "srgb"): "vertex colours are linear",
-    ("texture", "cache"): _NO_EFFECT,
-    ("texture", "max_anisotropy"): "textures are not filtered over pixels",
-    ("emitter", "cache"): _NO_EFFECT,
-    ("emitter", "gamma"): "the file says how it is encoded",
-    ("sensor", "kc"): "there is no radial distortion",
-    ("bsdf", "ext_eta"): "metals are in vacuum",
-    ("bsdf", "preserve_colors"): "`nonlinear` says it since 0.4",
-}
-_VALUES = {  # (tag, name): what an old value is now, and what differs
-    ("film", "pixel_format"): {
-        "luminancealpha": ("luminance_alpha", ""),
-        "spectrum": ("rgb", "no spectral bands"),
-        "spectrumalpha": ("rgba", "no spectral bands"),
-    },
-    ("film", "file_format"): dict.fromkeys(
-        "png jpeg matlab mathematica numpy".split(),
-        ("openexr", "the ending of the output says the kind of file"),
-    ),
-    ("texture", "filter_type"): {
-        "ewa": ("bilinear", "textures are not filtered over pixels"),
-        "trilinear": ("bilinear", "textures are not filtered over pixels"),
-    },
-    ("bsdf", "distribution"): {
-        "phong": ("beckmann", "the distribution of the same roughness"),
-        "as": ("beckmann", "the distribution of the same roughness"),
-    },
-}
-_UV = ("uscale", "vscale", "uoffset", "voffset")
-_HINTS = {  # of what is left as it is
-    "integrator": "--integrator path renders the scene without it",
-    "phong": "roughplastic comes near it",
-    "ward": "roughconductor with alpha_u and alpha_v comes near it",
-    "coating": "plastic comes near it where the base is diffuse",
-    "roughcoating": "roughplastic comes near it where the base is diffuse",
-    "mixturebsdf": "blendbsdf mixes two BSDFs whose weights add up to 1",
-    "sky": "an envmap of it takes its place",
-    "sun": "directional comes near it",
-    "sunsky": "an envmap of it takes its place",
-    "animation": "nothing moves here",
-    "subsurface": "there is no subsurface scattering",
-}
 
 
 class Change(NamedTuple):
@@ -185,8 +111,8 @@ class _Upgrade:
     def _object(self, node: Node) -> None:
         """Upgrade a plugin with all that is in it."""
         plugin = node.attributes.get("type", node.tag)
-        new, difference = _PLUGINS.get((node.tag, plugin), (plugin, ""))
-        kept = _KEPT.get(node.tag) if new != plugin and difference else None
+        new, difference = PLUGINS.get((node.tag, plugin), (plugin, ""))
+        kept = KEPT.get(node.tag) if new != plugin and difference else None
         if plugin == "vertexcolors":
             self._vertex_colors(node)
             return
@@ -194,9 +120,9 @@ class _Upgrade:
             self._set_value(node, "type", new, difference)
         elif node.tag in TAGS and "$" not in plugin and node.tag != "scene":
             if plugin not in supported_plugins(node.tag):
-                why = _HINTS.get(plugin, _HINTS.get(node.tag, "lightproof has none"))
+                why = HINTS.get(plugin, HINTS.get(node.tag, "lightproof has none"))
                 self._leave(node, f'{node.tag} "{plugin}"', why)
-        uv = [child for child in node.children if child.attributes.get("name") in _UV]
+        uv = [child for child in node.children if child.attributes.get("name") in UV]
         self._uv_transform(uv)
         modes = [c for c in node.children if c.attributes.get("name", "")[:8] == "wrapMode"]
         if len(modes) == 2:
@@ -215,14 +141,14 @@ class _Upgrade:
         if node.tag in ("default", "alias", "path"):
             return
         if node.tag in ("animation", "subsurface"):
-            self._leave(node, f"<{node.tag}>", _HINTS[node.tag])
+            self._leave(node, f"<{node.tag}>", HINTS[node.tag])
             return
         old = node.attributes.get("name")
         if old is not None:
             name = current_name(plugin, old)
-            name = _RENAMED.get((tag, name), name)
+            name = RENAMED.get((tag, name), name)
             name = "wrap_mode" if name in ("wrap_mode_u", "wrap_mode_v") else name
-            why = _DROPPED.get((tag, name), "")
+            why = NO_HEIR.get((tag, name), "")
             if kept is not None and name not in kept:
                 why = f'of the plugin that "{plugin}" replaces'
             if why:
@@ -242,7 +168,7 @@ class _Upgrade:
 
     def _value(self, node: Node, tag: str, name: str) -> None:
         old = node.attributes.get("value", "")
-        table = _VALUES.get((tag, name), {})
+        table = VALUES.get((tag, name), {})
         if old.lower() in table:
             new, difference = table[old.lower()]
             self._set_value(node, "value", new, difference)
@@ -251,9 +177,9 @@ class _Upgrade:
 
     def _transform(self, node: Node) -> None:
         for step in node.children:
-            if step.tag in _TAGS:
-                self._document.set_tag(step, _TAGS[step.tag])
-                self._change(step, f"<{step.tag}>", f"<{_TAGS[step.tag]}>")
+            if step.tag == "lookAt":
+                self._document.set_tag(step, "lookat")
+                self._change(step, "<lookAt>", "<lookat>")
 
     def _srgb(self, node: Node) -> None:
         """Decode a colour of sRGB; <rgb> is linear."""

@@ -21,7 +21,7 @@ class SceneXml:
     Parameters
     ----------
     path
-        Of the scene file; the folder is beside it, NAME_meshes.
+        Of the scene file; the folder is next to it, NAME_meshes.
     """
 
     def __init__(self, path: Path) -> None:

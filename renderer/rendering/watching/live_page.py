@@ -5,8 +5,8 @@ another site in the same browser, must know the random token of the address; and
 request must name this server as its host, so that a name of another site which leads here
 (DNS rebinding) opens nothing. Everything else is answered by 404.
 
-The page asks for the state again and again, which is answered after a quarter of a second
-or when there is a new picture, and then for that picture. While no page asks, no picture is
+The page requests the state again and again. The answer comes after a quarter of a second or
+when there is a new picture, which is then requested too. While no page does, no picture is
 developed. The server delays the answers, not the page its requests: a browser slows down
 the timers of a page that is not in front.
 """
