@@ -79,6 +79,7 @@ class LivePage:
     def __init__(self, title: str = "") -> None:
         self._token = secrets.token_urlsafe(16)
         self._snapshot = Snapshot(0, ())
+        self._shape: tuple[int, ...] = ()  # of its picture
         self._state: dict[str, Any] = {"stage": "start"}
         self._title = title
         self._last_look = float("-inf")
@@ -173,11 +174,18 @@ class LivePage:
         return self.is_watched and self._had == self._snapshot.version
 
     def _put(self, pixels: Any, aovs: Any, kinds: Any) -> None:
-        layers = [("picture", "color", pixels)]
-        layers += [(name, kinds.get(name, ""), values) for name, values in aovs.items()]
-        found = tuple(
-            Layer(name, kind, np.array(values, np.float32)) for name, kind, values in layers
-        )
+        layers = [(name, kinds.get(name, ""), values) for name, values in aovs.items()]
+        if not layers or pixels.any():  # black while the AOVs around it are rendered
+            layers.insert(0, ("picture", "color", pixels))
+        new = {
+            name: Layer(name, kind, np.array(values, np.float32))
+            for name, kind, values in layers
+        }
+        # AOVs are rendered before the colours, and stay
+        old = self._snapshot.layers if pixels.shape == self._shape else ()
+        kept = {layer.name: layer for layer in old}
+        self._shape = pixels.shape
+        found = tuple((new | kept | new).values())
         self._snapshot = Snapshot(self._snapshot.version + 1, found)
         self._news.set()
 

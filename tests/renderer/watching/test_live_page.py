@@ -154,6 +154,23 @@ def test_the_finished_picture_waits_for_an_open_page(page):
     assert not ended.is_alive()
 
 
+def test_aovs_stay_while_the_colours_around_which_they_are_come(page):
+    """Before it the picture is black, and is no layer; another size is another picture."""
+
+    def names():
+        return [layer.name for layer in page._snapshot.layers]
+
+    black, aov = np.zeros((2, 3, 3)), {"n": np.ones((2, 3, 1))}
+    page._put(black, aov, {})
+    assert names() == ["n"]
+    page._put(black + 1.0, {}, {})
+    assert names() == ["picture", "n"]
+    page._put(black + 2.0, {}, {})
+    assert page._snapshot.layers[0].values.max() == 2.0
+    page._put(np.zeros((4, 4, 3)), {}, {})
+    assert names() == ["picture"]
+
+
 def test_the_port_is_closed_with_the_page():
     with LivePage() as page:
         assert get(page, root(page))[0] == 200
