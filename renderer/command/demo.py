@@ -47,6 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def read(_: Sequence[str] | None) -> argparse.Namespace:
         found = read_options([str(FOLDER / name / "scene.xml"), *options])
+        found.demo = name
         if not (found.output or found.explain or found.frames is not None):
             found.output = [Path(f"{name}.png")]
         return found

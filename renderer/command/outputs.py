@@ -84,7 +84,8 @@ def signed(image: Image, options: argparse.Namespace) -> Image:
 
 def command_of(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
-    words = ["lightproof", str(options.scene)]
+    demo = getattr(options, "demo", None)  # where it is installed is of no interest
+    words = ["lightproof", *(("demo", demo) if demo else (str(options.scene),))]
     for name in names_of("picture"):
         value = getattr(options, name)
         if value not in (None, DEFAULTS[name]):

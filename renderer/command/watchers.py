@@ -64,6 +64,10 @@ def end_all(
     with suppress(KeyboardInterrupt):
         if image is not None:
             for watcher in watchers:
+                if not getattr(watcher, "was_opened", True):
+                    complain(
+                        "view: the page was not opened yet; Ctrl-C ends the wait for it"
+                    )
                 watcher.end(image)
     for watcher in watchers:
         if trouble := getattr(watcher, "trouble", ""):

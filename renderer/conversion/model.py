@@ -75,6 +75,8 @@ def convert_model(path: Path, output: Path, up: str | None = None) -> list[str]:
             f"{path}: cannot be read: {type(error).__name__}: {said}"
         ) from None
     scene, notes = SceneXml(output), header.left_out()
+    if not any(len(getattr(mesh, "faces", ())) for mesh in model.geometry.values()):
+        raise SceneError(f"{path}: has no triangles")
     _Conversion(scene, model, header, notes).run(up or _up(path))
     scene.write()
     return notes
@@ -133,8 +135,6 @@ class _Conversion:
                 self._notes.append(f"{node}: scaled to nothing")
             else:
                 found.append((name, np.asarray(matrix, np.float64)))
-        if not found:
-            raise SceneError("the model has no triangles")
         return found
 
     # -------------------------------------------------------------------- shapes

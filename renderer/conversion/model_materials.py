@@ -76,7 +76,9 @@ class Materials:
         if not hasattr(found, "metallicFactor"):  # of an OBJ file, and several in one mesh
             if hasattr(found, "materials"):
                 self._note(f"{label}: the first of several in one mesh counts")
+            emitted = getattr(found, "kwargs", {}).get("ke")
             found, metallic_default = found.to_pbr(), 0.0
+            found.emissiveFactor = emitted
         texture = None if flat else found.baseColorTexture
         if flat and found.baseColorTexture is not None:
             self._note(f"{label}: textures, as the mesh has no uv")

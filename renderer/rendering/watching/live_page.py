@@ -247,13 +247,12 @@ def _handler(page: LivePage) -> type[BaseHTTPRequestHandler]:
             self.end_headers()
             self.wfile.write(content)
 
-        def refuse(self) -> None:
+        def send_error(self, *_: Any, **__: Any) -> None:
+            """Answer other methods, and what is no HTTP, as what is not found."""
             self.send_response_only(404)
             self.send_header("Content-Length", "0")
             self.send_header("Connection", "close")
             self.end_headers()
-
-        do_HEAD = do_POST = do_PUT = do_DELETE = do_OPTIONS = do_PATCH = refuse
 
         def log_message(self, format: str, *arguments: Any) -> None:
             """Say nothing; standard error has the progress."""

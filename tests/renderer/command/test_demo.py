@@ -6,6 +6,8 @@ import glob
 import tomllib
 from pathlib import Path
 
+import numpy as np
+import OpenEXR
 import PIL.Image
 import pytest
 
@@ -55,6 +57,17 @@ def test_the_options_of_lightproof_are_possible(capsys):
     assert "What is done" in capsys.readouterr().out
     assert sorted(p.name for p in Path().iterdir()) == ["a.exr", "b.npy"]
     assert main(["cornell-box", "--no-such-option"]) == 2
+
+
+def test_the_command_in_the_file_gives_the_picture_again():
+    """On another machine too, where the scenes are in another folder."""
+    main(["cornell-box", *SMALL, "-o", "a.exr", "--quiet"])
+    with OpenEXR.File("a.exr") as file:
+        words = str(file.header()["command"]).split()
+    assert words[:3] == ["lightproof", "demo", "cornell-box"]
+    assert main([*words[2:], "-o", "b.npy", "--quiet"]) == 0
+    assert main(["cornell-box", *SMALL, "-o", "c.npy", "--quiet"]) == 0
+    np.testing.assert_array_equal(np.load("b.npy"), np.load("c.npy"))
 
 
 def test_a_mistyped_name_gets_the_nearest(capsys):

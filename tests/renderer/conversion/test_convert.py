@@ -218,6 +218,24 @@ def test_other_formats_are_framed_and_lit(tmp_path, ending, capsys):
     assert np.argmax(np.abs(up)) == (2 if ending == "stl" else 1)
 
 
+def test_materials_of_an_obj_file(tmp_path):
+    pytest.importorskip("trimesh")
+    (tmp_path / "a.mtl").write_text(
+        "newmtl red\nKd 0.8 0.2 0.2\nNs 100\nnewmtl lamp\nKd 0 0 0\nKe 3 2 1\n"
+    )
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+        "usemtl red\nf 1 2 3\nusemtl lamp\nf 1 2 4\n"
+    )
+    assert main(["a.obj"]) == 0
+    shapes = read_file("a.xml").shapes
+    (lamp,) = (shape for shape in shapes if shape.radiance is not None)
+    np.testing.assert_allclose(lamp.radiance, (3.0, 2.0, 1.0))
+    text = (tmp_path / "a.xml").read_text()
+    assert 'name="base_color" value="0.8 0.2 0.2"' in text
+    assert 'name="metallic" value="0"' in text
+
+
 def test_colours_of_vertices(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     corners, colors = np.eye(3), np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
@@ -245,6 +263,7 @@ def test_nothing_is_overwritten_unless_it_is_forced(tmp_path, capsys):
         ("missing.glb", None, "missing.glb: no such file"),
         ("a.glb", b"no model", "a.glb: cannot be read as glTF: there is no JSON in it"),
         ("a.ply", b"no model", "a.ply: cannot be read: "),
+        ("a.xyz", b"1 2 3\n4 5 6\n", "a.xyz: has no triangles"),
         ("a.xyzzy", b"no model", "a.xyzzy: cannot be read: "),
     ],
 )

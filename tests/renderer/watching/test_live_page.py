@@ -97,9 +97,15 @@ def test_another_host_name_opens_nothing(page, host):
         assert get(page, root(page), host=right)[0] == 200
 
 
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD", "PATCH"])
+@pytest.mark.parametrize("method", ["POST", "PUT", "OPTIONS", "HEAD", "TRACE", "FOO"])
 def test_other_methods_are_404(page, method):
     assert get(page, root(page), method=method)[0] == 404
+
+
+def test_what_is_no_http_gets_no_answer(page):
+    with socket.create_connection(("127.0.0.1", page.port), timeout=10.0) as connection:
+        connection.sendall(b"GET / HTTP/9.9.9\r\n\r\n")
+        assert connection.makefile("rb").read() == b""
 
 
 def picture_of(calls, value=1.0):
