@@ -6,9 +6,12 @@ Files are read by `trimesh`, which is the extra `convert`.
 from __future__ import annotations
 
 import itertools
+import logging
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,7 @@ _TOWARDS = {  # from the model to that camera, of length 1
     "z": np.array([0.55, -0.75, 0.4]) / math.sqrt(1.025),
 }
 _SKY, _SUN = (0.6, 0.6, 0.6), (1.6, 1.6, 1.6)  # radiance, irradiance
+_LEFT_OUT = re.compile("unable|fail|not loaded|unsupported|missing", re.IGNORECASE)
 _Z_UP = (".stl", ".3mf")  # other formats have y upwards
 # glTF's cameras look along -z and have +x to the right, Mitsuba's +z and +x to the left
 _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
@@ -68,18 +72,43 @@ def convert_model(path: Path, output: Path, up: str | None = None) -> list[str]:
         raise SceneError(f"{path}: no such file")
     header = GltfHeader.of(path)
     try:
-        model = trimesh.load_scene(str(path), process=False)
+        with _said_by_trimesh() as missing:
+            model = trimesh.load_scene(str(path), process=False)
     except Exception as error:  # whatever a reader of many formats raises
         said = " ".join(str(error).split())
         raise SceneError(
             f"{path}: cannot be read: {type(error).__name__}: {said}"
         ) from None
-    scene, notes = SceneXml(output), header.left_out()
+    scene, notes = SceneXml(output), [*header.left_out(), *missing]
     if not any(len(getattr(mesh, "faces", ())) for mesh in model.geometry.values()):
         raise SceneError(f"{path}: has no triangles")
     _Conversion(scene, model, header, notes).run(up or _up(path))
     scene.write()
     return notes
+
+
+@contextmanager
+def _said_by_trimesh() -> Iterator[list[str]]:
+    """Give the lines of the log about what is left out, such as a lost texture."""
+    said: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            line = " ".join(record.getMessage().split())
+            if _LEFT_OUT.search(line) and line not in said:
+                said.append(line)
+
+    log, handler = logging.getLogger("trimesh"), Handler()
+    level, propagate = log.level, log.propagate
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    log.propagate = False
+    try:
+        yield said
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
+        log.propagate = propagate
 
 
 def _up(path: Path) -> str:

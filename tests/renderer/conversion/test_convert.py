@@ -106,14 +106,20 @@ def with_more(content):
     header["animations"] = [{"channels": [], "samplers": []}]
     own = [
         {"camera": 0, "translation": [0.0, 1.0, 8.0], "scale": [2.0, 2.0, 2.0]},
-        {"extensions": {extension: {"light": 0}}, "translation": [1.0, 2.0, 3.0]},
+        # inside of another node, which is turned by 180 degrees around y
+        {"extensions": {extension: {"light": 0}}, "translation": [-1.0, 2.0, 0.0]},
         # turned by 90 degrees around x: it shines downwards
         {"extensions": {extension: {"light": 1}}, "rotation": [-half, 0.0, 0.0, half]},
         {"extensions": {extension: {"light": 2}}, "translation": [0.0, 4.0, 0.0]},
     ]
     first = len(header["nodes"])
-    header["nodes"] += own
-    header["scenes"][0]["nodes"] += list(range(first, first + len(own)))
+    around = {
+        "children": [first + 1],
+        "rotation": [0.0, 1.0, 0.0, 0.0],
+        "translation": [0.0, 0.0, 3.0],
+    }
+    header["nodes"] += [*own, around]
+    header["scenes"][0]["nodes"] += [first, first + 4, first + 2, first + 3]
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     rest = content[20 + size :]
@@ -234,6 +240,23 @@ def test_materials_of_an_obj_file(tmp_path):
     text = (tmp_path / "a.xml").read_text()
     assert 'name="base_color" value="0.8 0.2 0.2"' in text
     assert 'name="metallic" value="0"' in text
+
+
+def test_files_that_are_not_found_are_listed(tmp_path, capsys):
+    """A texture outside of the model's folder is not read."""
+    pillow = pytest.importorskip("PIL.Image")
+    pytest.importorskip("trimesh")
+    folder = tmp_path / "model"
+    folder.mkdir()
+    pillow.new("RGB", (2, 2)).save(tmp_path / "secret.png")
+    (folder / "a.mtl").write_text("newmtl red\nKd 0.8 0.2 0.2\nmap_Kd ../secret.png\n")
+    face = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    (folder / "a.obj").write_text(f"mtllib a.mtl\nusemtl red\n{face}")
+    (folder / "b.obj").write_text(f"mtllib lost.mtl\n{face}")
+    for name, words in (("a", "failed to load image"), ("b", "unable to load materials")):
+        assert main([str(folder / f"{name}.obj")]) == 0
+        assert f"differs from the model: {words}" in capsys.readouterr().out
+    assert not list(folder.glob("a_meshes/*.png"))
 
 
 def test_colours_of_vertices(tmp_path):

@@ -229,11 +229,13 @@ def test_the_command_says_the_address_and_closes_the_port(tmp_path, capsys, monk
         '<integer name="width" value="8"/><integer name="height" value="6"/></film>'
         '</sensor><emitter type="constant"/></scene>'
     )
-    output = tmp_path / "a.png"
-    assert main([str(tmp_path / "scene.xml"), "-o", str(output), "--view", "--quiet"]) == 0
+    monkeypatch.chdir(tmp_path)
+    output, words = tmp_path / "a.png", ["scene.xml", "--view", "--quiet"]
+    assert main([*words, "-o", str(output)]) == 0
     (address,) = opened
+    assert output.exists() and main([*words, "--frames", "0:2", "-o", "f_#.png"]) == 0
+    assert len(opened) == 2  # one page for all frames
     assert f"view: {address}\n" in capsys.readouterr().err
-    assert output.exists()
     port = int(address.split(":")[2].split("/")[0])
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.1", port), timeout=1.0)
