@@ -141,6 +141,8 @@ def test_what_the_scene_has_is_what_the_model_had(glb, capsys):
     assert (camera.film.width, camera.film.height) == (960, 480)
     np.testing.assert_allclose(camera.to_world[:3, 3], (0, 1, 8))
     np.testing.assert_allclose(camera.to_world[:3, 2], (0, 0, -1), atol=1e-12)
+    left = camera.to_world[:3, 0]  # of Mitsuba's cameras; glTF's have +x on the right
+    np.testing.assert_allclose(left, (-1, 0, 0), atol=1e-12)
     half = np.tan(np.radians(20.0)) * 2.0
     np.testing.assert_allclose(camera.fov_x, 2.0 * np.degrees(np.arctan(half)), rtol=1e-6)
     assert len(found.shapes) == 3 and len(found.instances) == 2

@@ -14,7 +14,7 @@ import pytest
 import renderer
 from renderer.command import watchers
 from renderer.command.cli import main
-from renderer.rendering.job import RenderJob
+from renderer.rendering.film.band import FinishedTiles
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import Picture
 from renderer.rendering.progress_display import Progress
@@ -204,15 +204,15 @@ def test_looking_at_finished_tiles_takes_none_of_them_away(monkeypatch):
     wide = {"type": "hdrfilm", "width": 160, "height": 150, "rfilter": {"type": "box"}}
     scene = renderer.load_dict(SCENE | {"sensor": SCENE["sensor"] | {"film": wide}})
     seen = []
-    finish = RenderJob.finish_tiles
+    finish = FinishedTiles.finish
 
-    def slowly(job, film, strip, thread):
-        seen.append(film.so_far())
-        finish(job, film, strip, thread)
+    def finish_and_look(film, strip, sums):
+        finish(film, strip, sums)
+        seen.append(film.so_far().copy())  # before the film knows that they are finished
 
     expected = renderer.render(scene, 1).pixels
-    monkeypatch.setattr(RenderJob, "finish_tiles", slowly)
-    image = renderer.render(scene, 1, progress=lambda now: now.picture and now.picture())
+    monkeypatch.setattr(FinishedTiles, "finish", finish_and_look)
+    image = renderer.render(scene, 1)
     np.testing.assert_array_equal(image.pixels, expected)
     assert len(seen) > 1  # it was a render of finished tiles
     for picture in seen:
