@@ -113,10 +113,15 @@ class _Upgrade:
         plugin = node.attributes.get("type", node.tag)
         new, difference = PLUGINS.get((node.tag, plugin), (plugin, ""))
         kept = KEPT.get(node.tag) if new != plugin and difference else None
+        gone: list[Node] = []  # children that are replaced or dropped here
         if plugin == "vertexcolors":
             self._vertex_colors(node)
             return
-        if new != plugin:
+        weights = self._two_weights(node) if plugin == "mixturebsdf" else None
+        if weights is not None:
+            new, gone = "blendbsdf", [weights]
+            self._set_value(node, "type", new)
+        elif new != plugin:
             self._set_value(node, "type", new, difference)
         elif node.tag in TAGS and "$" not in plugin and node.tag != "scene":
             if plugin not in supported_plugins(node.tag):
@@ -127,7 +132,7 @@ class _Upgrade:
         modes = [c for c in node.children if c.attributes.get("name", "")[:8] == "wrapMode"]
         if len(modes) == 2:
             self._drop(modes[1], "one mode for u and v")
-        gone = [*uv, *modes[1:]]
+        gone += [*uv, *modes[1:]]
         for child in node.children:
             if child not in gone:
                 self._child(child, node.tag, new, kept)
@@ -244,6 +249,29 @@ class _Upgrade:
         ]
         self._document.replace(node, lines)
         self._change(node, before, '<texture type="mesh_attribute">')
+
+    def _two_weights(self, node: Node) -> Node | None:
+        """Replace the weights of two BSDFs that add up to 1 by the second one.
+
+        Others are left, since `blendbsdf` has no such sum.
+        """
+        weights = next(
+            (c for c in node.children if c.attributes.get("name") == "weights"), None
+        )
+        if weights is None:
+            return None
+        text = weights.attributes.get("value", "")
+        try:
+            numbers = [float(word) for word in split_list(text)]
+        except ValueError:  # a parameter
+            return None
+        if len(numbers) != 2 or abs(sum(numbers) - 1.0) > 1e-6:
+            return None
+        before = self._document.source(weights)
+        after = f'<float name="weight" value="{split_list(text)[1]}"/>'
+        self._document.replace(weights, [after])
+        self._change(weights, before, after)
+        return weights
 
     def _gamma(self, node: Node) -> None:
         """Replace a gamma of 1, which says that texels are linear; drop any other one."""

@@ -62,10 +62,9 @@ def denoised(image: Image, guides: Image) -> Image:
         normal=guides.aovs["normals"],
         hdr=True,
     )
-    said = (
-        f"by Open Image Denoise (pyoidn {version('pyoidn')}) with albedo and normals; an "
-        "error that is given is that of the colours before"
-    )
+    said = f"by Open Image Denoise (pyoidn {version('pyoidn')}) with albedo and normals"
+    if image.error is not None:
+        said += "; the error is that of the picture before"
     return dataclasses.replace(
         image,
         pixels=np.where(finite, pixels, image.pixels),

@@ -203,6 +203,23 @@ def test_colours_of_black_bodies_and_of_vertices(tmp_path):
     assert '<string name="name" value="vertex_color"/>' in content.decode()
 
 
+@pytest.mark.parametrize(
+    ("weights", "kind"), [("0.75, 0.25", "blendbsdf"), ("0.5 0.3", "mixturebsdf")]
+)
+def test_a_mixture_of_two_is_a_blend_if_its_weights_add_up(tmp_path, weights, kind):
+    body = f"""<shape type="sphere"><bsdf type="mixturebsdf">
+<string name="weights" value="{weights}"/>
+<bsdf type="diffuse"/><bsdf type="roughconductor"/>
+</bsdf></shape>"""
+    content, changes = upgraded(write(tmp_path / "old.xml", scene(body)))
+    assert f'<bsdf type="{kind}">' in content.decode()
+    assert (LEFT in {change.kind for change in changes}) == (kind == "mixturebsdf")
+    if kind == "blendbsdf":
+        (tmp_path / "new.xml").write_bytes(content)
+        (shape,) = read_file(tmp_path / "new.xml").shapes
+        assert shape.bsdf.weight == 0.25
+
+
 def test_no_file_is_overwritten_unless_it_is_forced(tmp_path, capsys):
     old = write(tmp_path / "old.xml", scene(""))
     before = old.read_bytes()
