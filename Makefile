@@ -58,5 +58,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || { echo 'Creating $(VENV)'; $(PYTHON) -m venv $(VENV); }
 	@echo 'Installing lightproof and what it needs into $(VENV)'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[harness,cluster,dev]' --constraint constraints.txt
+	  --editable '.[harness,cluster,convert,dev]' --constraint constraints.txt
 	@touch $@

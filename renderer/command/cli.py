@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import renderer
+from renderer.command.built_in_scenes import demos
 from renderer.command.interrupts import Interrupts
 from renderer.command.options import read_options, render_options
 from renderer.command.outputs import (
@@ -28,6 +29,7 @@ from renderer.command.outputs import (
     signed,
     write_all,
 )
+from renderer.command.watchers import Watcher, end_all, open_watchers
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.process.cache_folder import cache_root, clear_caches
 from renderer.process.memory import limited_to
@@ -125,9 +127,12 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if _needs_bands(scene, options, interrupts):
         _render_to_file(scene, options, interrupts)
         return 0
-    with _cluster(options, interrupts) as workers:
-        image = _render(scene, options, interrupts, workers)
-    return deliver(image, options, interrupts, written)
+    with open_watchers(options, interrupts) as watchers:
+        with _cluster(options, interrupts) as workers:
+            image = _render(scene, options, interrupts, workers, watchers)
+        status = deliver(image, options, interrupts, written)
+        end_all(watchers, image, interrupts)
+    return status
 
 
 def _clear_caches() -> int:
@@ -144,7 +149,18 @@ def _clear_caches() -> int:
 
 
 def scene_file(given: Path) -> Path:
-    """Return the file of a scene that is given by it or by its folder."""
+    """Return the file of a scene that is given by it or by its folder.
+
+    Raises
+    ------
+    SceneError
+        If there is none, and the name is that of a scene that is installed.
+    """
+    if str(given) in demos() and not given.exists():
+        raise SceneError(
+            f"{given}: no such scene file; `lightproof demo {given}` renders the scene of "
+            "that name that is installed"
+        )
     return given / "scene.xml" if given.is_dir() else given
 
 
@@ -191,7 +207,12 @@ def _run_frames(
                 under_way.append((each, key))
                 yield scene
 
-    with _cluster(options, interrupts) as workers, _showing(options, interrupts) as show:
+    image: Image | None = None
+    with (
+        open_watchers(options, interrupts) as watchers,
+        _cluster(options, interrupts) as workers,
+        _showing(options, interrupts, watchers) as show,
+    ):
         requested = render_options(options, progress=show, cluster=workers, resume=False)
         images = renderer.render_frames(scenes(), **vars(requested))
         for image in images:
@@ -204,8 +225,10 @@ def _run_frames(
             written += files
             report(image, files, options)
             if interrupts.count or not image.complete or len(files) < len(each.output):
+                end_all(watchers, image, interrupts)
                 return 130 if interrupts.count else 1
             record.add(files, key)
+        end_all(watchers, image, interrupts)
     if len(written) < len(frames) * len(options.output) and not options.quiet:
         complain(f"{len(frames) - len(written) // len(options.output)} frames were there")
     return 0
@@ -272,7 +295,7 @@ def _cluster(
 
 @contextmanager
 def _showing(
-    options: argparse.Namespace, interrupts: Interrupts
+    options: argparse.Namespace, interrupts: Interrupts, watchers: Sequence[Watcher] = ()
 ) -> Iterator[Callable[[Progress], None]]:
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
@@ -293,6 +316,8 @@ def _showing(
             if interrupts.held and interrupts.count:
                 raise KeyboardInterrupt
             display(now)
+            for watcher in watchers:
+                watcher(now)
 
         yield progress
 
@@ -302,8 +327,9 @@ def _render(
     options: argparse.Namespace,
     interrupts: Interrupts,
     workers: ClusterWorkers | None,
+    watchers: Sequence[Watcher],
 ) -> Image:
-    with _showing(options, interrupts) as progress:
+    with _showing(options, interrupts, watchers) as progress:
         requested = render_options(options, progress=progress, cluster=workers)
         image = renderer.render(scene, **vars(requested))
     return signed(image, options)
@@ -316,6 +342,8 @@ def _needs_bands(
 ) -> bool:
     """Tell whether the film is larger than memory, and can go into its file in bands."""
     outputs, requested = options.output, render_options(options)
+    if options.view or options.tev is not None:
+        return False
     if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr":
         return False
     if not all("bands" in OPTIONS[name].roles for name in requested.given()):

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import renderer
+from renderer.command.built_in_scenes import list_of_demos
 from renderer.command.sweep import parse_frames
 from renderer.errors import did_you_mean
 from renderer.process.cache_folder import cache_root
+from renderer.process.names import TEV
 from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions
 
 EPILOG = """examples:
@@ -21,6 +23,7 @@ EPILOG = """examples:
   lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
   lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
   lightproof --compare a.exr b.exr                     are their pixels equal?
+  lightproof demo cornell-box                          a scene that is installed
 
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 
@@ -65,7 +68,12 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
             word = word.replace("_", "-")
             parser.error(f"--{word} takes no scene and no other option")
     elif options.scene is None:
-        parser.error("the following arguments are required: SCENE.xml")
+        parser.exit(
+            2,
+            f"{parser.prog}: error: the following arguments are required: SCENE.xml; "
+            "--help lists the options\n\nscenes that `lightproof demo NAME` renders:\n"
+            f"{list_of_demos()}\n",
+        )
     if options.frames is not None:
         if options.checkpoint is not None or options.checkpoint_every is not None:
             parser.error("--checkpoint is of one picture; frames need --resume alone")
@@ -191,6 +199,20 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "pixels and AOVs, bit for bit, or how they differ (status 1); a checksum of EXR "
         "files differs with the command in their headers",
     )
+    add(
+        "--view",
+        action="store_true",
+        help="show the picture in the browser while it is rendered: a page of this machine "
+        "alone, with zoom, exposure, pixel values and AOVs, that keeps the last picture",
+    )
+    add(
+        "--tev",
+        nargs="?",
+        const=TEV,
+        type=_told(_host_and_port),
+        metavar="HOST:PORT",
+        help=f"send tiles to a tev that is running (default: {TEV})",
+    )
     add("--quiet", action="store_true", help="print warnings and errors only")
     add(
         "--compile",
@@ -213,6 +235,13 @@ def _told(parse: Callable[[str], Any]) -> Callable[[str], Any]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return read
+
+
+def _host_and_port(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
+        raise ValueError(f"{text!r} is not HOST:PORT; without one --tev stands at the end")
+    return host, int(port)
 
 
 def _folder(text: str) -> Path:

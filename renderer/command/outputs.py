@@ -84,11 +84,12 @@ def signed(image: Image, options: argparse.Namespace) -> Image:
 
 def command_of(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
-    words = ["lightproof", str(options.scene)]
+    demo = getattr(options, "demo", None)  # where it is installed is of no interest
+    words = ["lightproof", *(("demo", demo) if demo else (str(options.scene),))]
     for name in names_of("picture"):
         value = getattr(options, name)
         if value not in (None, DEFAULTS[name]):
-            words += [OPTIONS[name].flag, str(value)]
+            words += [OPTIONS[name].flag, *([] if value is True else [str(value)])]
     if options.plugins is not None:
         words += ["--plugins", str(options.plugins)]
     for name, value in options.define:
@@ -128,7 +129,10 @@ def report(image: Image, written: list[Path], options: argparse.Namespace) -> No
         if image.error is not None:
             doubt = "; unsure, the true one may well be another"
             doubt = doubt if image.error_unsure else ""
+            doubt += ", before it was denoised" if "denoised" in image.metadata else ""
             sys.stdout.write(f"estimated error: {image.error:.2%}{doubt}\n")
+        if "denoised" in image.metadata:
+            sys.stdout.write(f"denoised {image.metadata['denoised']}\n")
         if "brightest" in image.metadata:
             sys.stdout.write(f"brightest colour: {image.metadata['brightest']}\n")
         sys.stdout.flush()

@@ -18,6 +18,7 @@ SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler
 REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 LIGHT_CHOICES = ("importance", "uniform")
 RAY_OFFSETS = ("tight", "mitsuba")
+TEV = "127.0.0.1:14158"  # where the picture viewer tev listens
 ACCELERATORS = (
     "auto",
     "brute",

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import compile_builders
 from renderer.integrators.direct import KEPT
-from renderer.integrators.moment import squared_sums
+from renderer.integrators.kind import Shown
+from renderer.integrators.moment import show_moments, squared_sums
 from renderer.integrators.render_tiles import render_tiles
 from renderer.integrators.stages.film import BOX, FilterTable, filter_border, filter_table
 from renderer.integrators.whitted import REGION
@@ -119,6 +120,13 @@ class RenderJob:
             parameters=len(bsdfs.values),
             previous_points=self.variant.previous_points,
         )
+
+    def shown(self, developed: NDArray[np.float32]) -> Shown:
+        """Return picture and AOVs of a film's channels (height, width, channels)."""
+        kind, requested = self.plan.kind, self.scene.description.integrator
+        if self.plan.moments is None:
+            return kind.show(developed, requested)
+        return show_moments(kind, developed, requested)
 
     def add_samples(self, film: Film, place: int, end: int, thread: int) -> None:
         """Let a place hold its samples up to number `end`; nothing if it holds more.

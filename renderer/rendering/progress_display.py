@@ -12,7 +12,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:  # needs Numba
+    from renderer.integrators.kind import Shown
 
 BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
 BAR_EVERY = 0.1  # [s]
@@ -35,6 +38,9 @@ class Progress:
     error: float | None = None
     resumed: int = 0  # samples of `done` that were in the checkpoint
     cluster: str = ""  # a line about its workers and what they did
+    # gives the picture and the AOVs so far, at the price of developing the film; to be
+    # called by the callback, in its thread
+    picture: Callable[[], Shown] | None = None
 
 
 @contextmanager
@@ -80,7 +86,7 @@ class ProgressDisplay:
         self._stream = stream
         self._quiet = quiet
         self._bar: _TerminalBar | _NotebookBar | None = None
-        if _is_notebook():
+        if is_notebook():
             self._bar = _NotebookBar()
         elif stream.isatty() and os.environ.get("TERM") != "dumb":
             self._bar = _TerminalBar(stream)
@@ -155,9 +161,8 @@ def _announcement(progress: Progress) -> str:
 def _speed(progress: Progress) -> str:
     rate = (progress.done - progress.resumed) / progress.seconds
     others = f"; {progress.cluster}" if progress.cluster else ""
-    if rate == 0.0 or progress.error == float("inf"):
+    if (left := time_left(progress)) is None:
         return f"{shown_rate(rate)}{others}"
-    left = (progress.total - progress.done) / rate
     error = "" if progress.error is None else f"error {progress.error:.2%}, "
     return f"{error}{_duration(left)} left, {shown_rate(rate)}{others}"
 
@@ -165,6 +170,14 @@ def _speed(progress: Progress) -> str:
 def shown_rate(rate: float) -> str:
     """Return samples per second in words; the simple path tracer has some thousands."""
     return f"{rate:.0f} samples/s" if rate < 1e5 else f"{rate / 1e6:.1f} Msamples/s"
+
+
+def time_left(progress: Progress) -> float | None:
+    """Return the seconds that a render will probably still take; None: no idea yet."""
+    done = progress.done - progress.resumed
+    if done <= 0 or progress.error == float("inf") or progress.stage != "render":
+        return None
+    return (progress.total - progress.done) * progress.seconds / done
 
 
 def _duration(seconds: float) -> str:
@@ -231,7 +244,7 @@ class _NotebookBar:
             self._shown = None
 
 
-def _is_notebook() -> bool:
+def is_notebook() -> bool:
     """Tell whether Jupyter runs this process: its shell has a kernel, a terminal's not."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")

@@ -20,14 +20,12 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.errors import ClusterError, NotAllowed, SceneError
-from renderer.integrators.moment import show_moments
 from renderer.process.memory import limited_to
 from renderer.process.names import VERSION
 from renderer.rendering.accuracy import Accuracy
@@ -39,6 +37,8 @@ from renderer.rendering.checkpoints.checkpoint import (
 )
 from renderer.rendering.checkpoints.identity import identity_of
 from renderer.rendering.cluster.connect import workers_of
+from renderer.rendering.denoise import SPP as SPP_OF_GUIDES
+from renderer.rendering.denoise import check_denoising, denoised, guides_of
 from renderer.rendering.film.film import Film
 from renderer.rendering.goal import Goal, goal_of, options_of_goal
 from renderer.rendering.job import RenderJob, build_job
@@ -46,13 +46,15 @@ from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
-from renderer.rendering.progress_display import Progress, shown
+from renderer.rendering.progress_display import Progress
 from renderer.rendering.render_loop import Outcome, run
 from renderer.rendering.render_options import RenderOptions, shown_value
 from renderer.rendering.tile_sources import Threads, TileSource
+from renderer.rendering.watching.notebook import watched
 from renderer.scene.scene import Scene
 
 _END: Any = object()  # of the scenes of a sweep
+_OF_GUIDES = ("seed", "threads", "accel", "memory")  # options that they share
 AHEAD = 2  # pictures of a sweep that are under way on a cluster besides the first
 INSTEAD = (
     "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
@@ -88,7 +90,7 @@ def render_with(scene: Scene, options: RenderOptions) -> Image:
     TypeError
         If `scene` is not a Scene, or an option has another type than it needs.
     """
-    with shown(options.progress) as show:
+    with watched(options) as show:
         return finish(begin(scene, options, show), show)
 
 
@@ -115,6 +117,8 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
     options = options_of_goal(scene, options)
     (_, plan), *of_colors = renders = plans_of(scene, options)
     goal = goal_of(options, plan)
+    if options.denoise:
+        check_denoising(plan, has_colors=bool(of_colors))
     checkpoint, options_of_colors = _checkpoints(scene, options, renders)
     with limited_to(options.memory):  # AOVs are there while their colours are rendered
         check_room(estimate_all(renders, options), scene.description.source, INSTEAD)
@@ -126,7 +130,16 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
 
 
 def finish(begun: Begun, show: Show) -> Image:
-    """Let the film get its samples, and return the picture."""
+    """Let the film get its samples, and return the picture; denoised, if it is whole."""
+    image, job = _picture(begun, show), begun.job
+    if not (job.options.denoise and image.complete):
+        return image
+    same = {name: getattr(job.options, name) for name in _OF_GUIDES}
+    options = RenderOptions(spp=SPP_OF_GUIDES, sampler="multijitter", **same)
+    return denoised(image, finish(begin(guides_of(job.scene), options, None), None))
+
+
+def _picture(begun: Begun, show: Show) -> Image:
     job, film, source, goal, checkpoint, colors = begun
     outcome = run(job, film, source, goal=goal, checkpoint=checkpoint, progress=show)
     if outcome.trouble and film.samples_done == 0:
@@ -148,7 +161,9 @@ def _checkpoints(
     scene: Scene, options: RenderOptions, renders: list[Any]
 ) -> tuple[Checkpoint | None, RenderOptions]:
     """Return the checkpoint, and the options of the colours beside AOVs with theirs."""
-    without = dataclasses.replace(options, integrator=None, checkpoint=None, resume=False)
+    without = dataclasses.replace(
+        options, integrator=None, checkpoint=None, resume=False, denoise=False
+    )
     if options.checkpoint is None:
         return None, without
     path = Path(options.checkpoint)
@@ -195,7 +210,7 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
     def fill() -> None:
         ahead = 0 if workers is None else AHEAD
         while len(waiting) <= ahead and (scene := next(following, _END)) is not _END:
-            with shown(options.progress) as show:
+            with watched(options) as show:
                 begun = begin(scene, options, show)
             waiting.append(begun)
             if workers is not None and begun.goal is None:
@@ -212,7 +227,7 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
                 raise failure
             if not waiting:
                 return
-            with shown(options.progress) as show:  # its bar has gone when others may print
+            with watched(options) as show:  # its bar has gone when others may print
                 image = finish(waiting.popleft(), show)
             yield image
             if not image.complete:
@@ -230,9 +245,7 @@ def image_of(
 ) -> Image:
     """Return the picture of the samples in a film: of a band, its complete rows."""
     plan, accuracy = job.plan, outcome.accuracy
-    requested = job.scene.description.integrator
-    show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
-    shown = show(film.develop(job.threads), requested)
+    shown = job.shown(film.develop(job.threads))
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,

@@ -5,6 +5,7 @@ It knows nothing of threads and clusters, which are sources of tiles.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError, SceneError
+from renderer.integrators.kind import Shown
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.film.film import Film
@@ -138,8 +140,13 @@ class RenderLoop:
         if self._goal is not None:
             total, error = self._expected(self._goal)
         done, seconds = self._film.samples_done, time.perf_counter() - self._start
-        note = self._source.note
-        self._progress(Progress("render", done, total, seconds, error, self._resumed, note))
+        now = Progress("render", done, total, seconds, error, self._resumed)
+        self._progress(
+            dataclasses.replace(now, cluster=self._source.note, picture=self._picture)
+        )
+
+    def _picture(self) -> Shown:
+        return self._job.shown(self._film.so_far())
 
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
         state = self._state

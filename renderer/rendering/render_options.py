@@ -278,6 +278,13 @@ class RenderOptions:
         "called with a `Progress` in the calling thread, several times a second; True: a "
         "bar with the time left, in a terminal or a notebook, else a line now and then",
     )
+    live: bool = _option(
+        False,
+        "",
+        "",
+        "draw the picture in the notebook while it is rendered",
+        check=truth,
+    )
     ray_offset: str | None = _option(
         None,
         "--ray-offset NAME",
@@ -365,6 +372,15 @@ class RenderOptions:
         "can give there, or uniform, each as often as any other, as in Mitsuba",
         choices=LIGHT_CHOICES,
         noun="light choice",
+    )
+    denoise: bool = _option(
+        False,
+        "--denoise",
+        "picture",
+        "let Open Image Denoise guess the picture without noise, by albedo and normals "
+        "(needs the extra `denoise`); the file says so and keeps the picture before it as "
+        "the AOV `noisy`, and errors are those of that picture",
+        check=truth,
     )
     metadata: Mapping[str, str] | None = _option(
         None,

@@ -109,16 +109,19 @@ class Browser:
                 return dict(answer["result"])
             self.events.append(answer)
 
-    def open(self, page: Path, width: int = 1280, height: int = 900) -> Page:
-        """Open a file in a new tab and wait until it is loaded."""
+    def open(self, page: Path | str, width: int = 1280, height: int = 900) -> Page:
+        """Open a file or an address in a new tab and wait until it is loaded."""
+        address = page if isinstance(page, str) else page.resolve().as_uri()
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
         tab = Page(self, str(attached["sessionId"]))
         for domain in ("Page", "Runtime", "Log", "Network"):
             tab.call(f"{domain}.enable")
         tab.resize(width, height)
-        tab.call("Page.navigate", url=page.resolve().as_uri())
-        tab.wait_for("document.readyState === 'complete' && location.protocol === 'file:'")
+        tab.call("Page.navigate", url=address)
+        tab.wait_for(
+            "document.readyState === 'complete' && location.href !== 'about:blank'"
+        )
         return tab
 
     def _next_message(self, deadline: float, waiting_for: str) -> dict[str, Any]:

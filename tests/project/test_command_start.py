@@ -44,6 +44,16 @@ def test_version_and_help_import_nothing_slow(option):
     assert not imported(finished) & {*SLOW, "numpy"}
 
 
+@pytest.mark.parametrize("word", ["demo", "upgrade", "convert"])
+def test_help_of_a_subcommand_imports_nothing_slow(word):
+    """It has an example too."""
+    program = f"import sys; from renderer.command.{word} import main; sys.exit(main())"
+    finished = run("-c", program, "--help")
+    assert finished.returncode == 0
+    assert f"lightproof {word} " in finished.stdout.split("xample")[1]
+    assert not imported(finished) & {*SLOW, "numpy", "trimesh"}
+
+
 def test_the_harness_tells_its_options_before_it_imports_what_compares():
     """It took 3 to 5 seconds; a wrong option is told as fast."""
     for options, status in ((["--help"], 0), (["--seeds", "3"], 2)):

@@ -193,7 +193,6 @@ def test_what_can_be_written_is_written(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "SCENE.xml"),
         ([CORNELL, "--integrator", "bdpt"], "'bdpt' (choose from 'auto', 'direct'"),
         ([CORNELL, "--accel", "octopus"], "'octopus' (choose from 'auto', 'brute'"),
         ([CORNELL, "--accel", "kd-sha"], "; did you mean kd-sah?; --help lists"),

@@ -216,3 +216,13 @@ class FinishedTiles(Film):
             x, y = tile.x - self.x, tile.y - self.y
             self._picture[y : y + tile.height, x : x + tile.width] = 0.0
         return self._picture
+
+    def so_far(self) -> NDArray[np.float32]:
+        """Return the finished tiles, and black, while threads finish others."""
+        picture = np.zeros_like(self._picture)
+        for number in np.flatnonzero(self.samples).tolist():
+            tile = self.tile(number)
+            x, y = tile.x - self.x, tile.y - self.y
+            part = np.s_[y : y + tile.height, x : x + tile.width]
+            picture[part] = self._picture[part]
+        return picture

@@ -197,3 +197,10 @@ class Film:
         alone = self.height * self.width < ALONE
         in_threads(1 if alone else threads, bands, develop_band)
         return picture
+
+    def so_far(self) -> NDArray[np.float32]:
+        """Return what `develop` does, while threads add samples.
+
+        A tile may be seen between two of its samples, such as colour without its weight.
+        """
+        return self.develop()

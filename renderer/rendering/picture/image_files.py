@@ -94,6 +94,8 @@ def _write_exr(file: BinaryIO, image: Picture) -> None:
 
 
 def _write_png(file: BinaryIO, image: Picture) -> None:
+    from PIL.PngImagePlugin import PngInfo
+
     broken = int(_broken_pixels(image.pixels).sum())
     if broken:
         warnings.warn(
@@ -102,7 +104,10 @@ def _write_png(file: BinaryIO, image: Picture) -> None:
             RuntimeWarning,
             stacklevel=4,  # the caller of Image.save
         )
-    encode_png(image.pixels).save(file, format="PNG")
+    said = PngInfo()
+    if "denoised" in image.metadata:
+        said.add_text("Comment", f"denoised {image.metadata['denoised']}")
+    encode_png(image.pixels).save(file, format="PNG", pnginfo=said)
 
 
 def _write_npy(file: BinaryIO, image: Picture) -> None:

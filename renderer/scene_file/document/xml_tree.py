@@ -47,6 +47,14 @@ def is_version_1(version: str, location: Location) -> bool:
     return int(match[1]) < 2
 
 
+def current_name(plugin: str, name: str) -> str:
+    """Return what Mitsuba 3 calls a property of a plugin of Mitsuba 0.x."""
+    name = _CAMEL_CASE.sub(lambda capitals: "_" + capitals[0].lower(), name)
+    if plugin == "diffuse" and name == "diffuse_reflectance":
+        return "reflectance"
+    return name
+
+
 def upgrade(element: Element) -> None:
     """Rename the properties of an element in place, and fold the four old uv numbers."""
     old = list(element.properties.values())
@@ -54,9 +62,7 @@ def upgrade(element: Element) -> None:
     offset, factor = [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]
     place = None  # of the last of the old uv numbers
     for property_ in old:
-        name = _CAMEL_CASE.sub(lambda capitals: "_" + capitals[0].lower(), property_.name)
-        if element.plugin == "diffuse" and name == "diffuse_reflectance":
-            name = "reflectance"
+        name = current_name(element.plugin, property_.name)
         if name in ("uoffset", "voffset", "uscale", "vscale"):
             if isinstance(property_.value, bool) or not isinstance(
                 property_.value, int | float

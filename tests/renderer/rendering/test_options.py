@@ -16,7 +16,7 @@ from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions, 
 
 SCENE = renderer.load_dict({"type": "scene", "sensor": {"type": "perspective"}})
 FUNCTIONS = [renderer.render, renderer.render_frames, renderer.render_to_file]
-OF_PYTHON_ALONE = {"progress", "measured_camera", "metadata"}
+OF_PYTHON_ALONE = {"progress", "live", "measured_camera", "metadata"}
 # a value of each option that is not its default, and the word of the command line
 GIVEN = {
     "spp": (7, "7"),
@@ -53,7 +53,7 @@ def test_samples_and_seed_are_the_first_two_arguments():
 
 def test_every_option_is_on_the_command_line_or_of_python_alone():
     assert {name for name, option in OPTIONS.items() if not option.flag} == OF_PYTHON_ALONE
-    assert set(GIVEN) == set(OPTIONS) - OF_PYTHON_ALONE - {"resume"}
+    assert set(GIVEN) == set(OPTIONS) - OF_PYTHON_ALONE - {"resume", "denoise"}
     text = " ".join(make_parser().format_help().split())
     for option in OPTIONS.values():
         assert option.flag in text
@@ -104,7 +104,7 @@ def test_an_unknown_argument_names_the_nearest(arguments, words):
 @pytest.mark.parametrize("name", sorted(set(OPTIONS) - set(names_of("bands"))))
 def test_what_needs_the_whole_film_is_refused_for_bands(name, tmp_path):
     values = {name: value for name, (value, _) in GIVEN.items()}
-    values |= {"measured_camera": [0.0] * 6, "resume": True}
+    values |= {"measured_camera": [0.0] * 6, "resume": True, "denoise": True, "live": True}
     given = {name: values[name]} | ({"checkpoint": "a"} if name == "resume" else {})
     with pytest.raises(SceneError, match="needs the whole film in memory"):
         renderer.render_to_file(SCENE, tmp_path / "a.exr", **given)

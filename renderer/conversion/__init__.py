@@ -1,0 +1,1 @@
+"""Files of other programs become Mitsuba 3 scenes; nothing is rendered here."""

@@ -1,0 +1,1 @@
+"""Pictures of a render that is under way: a page, tev, a notebook."""

@@ -1,0 +1,69 @@
+"""`live=True`: a picture in a notebook that is drawn while it is rendered."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from renderer.errors import SceneError
+from renderer.rendering.picture.image import Image
+from renderer.rendering.progress_display import Progress, is_notebook, shown
+from renderer.rendering.render_options import RenderOptions
+
+EVERY = 1.0  # [s] between two pictures, at least
+SHARE = 0.1  # of the time that pictures may take, at most
+MISSING = (
+    "live=True draws in a Jupyter notebook, and this is none; possible are progress=True "
+    "and, on the command line, --view"
+)
+Show = Callable[[Progress], None]
+
+
+@contextmanager
+def watched(options: RenderOptions) -> Iterator[Show | None]:
+    """Give what is called with the `Progress` of a render, by its options.
+
+    Raises
+    ------
+    SceneError
+        If a notebook is requested, and there is none.
+    """
+    if options.live and not is_notebook():
+        raise SceneError(MISSING)
+    with shown(options.progress) as show:
+        yield LivePicture(show) if options.live else show
+
+
+class LivePicture:
+    """Draws the picture of each `Progress`, below the cell; the last one stays there.
+
+    Parameters
+    ----------
+    show : callable, optional
+        Called with each `Progress` as well.
+    """
+
+    def __init__(self, show: Show | None) -> None:
+        self._show = show
+        self._next = 0.0  # [s]
+        self._drawn: Any = None  # IPython's handle of what is displayed
+
+    def __call__(self, now: Progress) -> None:
+        """Draw the picture if it is time, and when it is whole."""
+        if self._show is not None:
+            self._show(now)
+        start = time.monotonic()
+        whole = now.done == now.total
+        if now.picture is None or now.done == 0 or (start < self._next and not whole):
+            return
+        content = Image(now.picture().pixels)._repr_png_()
+        display = sys.modules["IPython.display"]
+        picture = display.Image(content, format="png")
+        if self._drawn is None:
+            self._drawn = display.display(picture, display_id=True)
+        else:
+            self._drawn.update(picture)
+        self._next = start + max(EVERY, (time.monotonic() - start) / SHARE)
