@@ -1,7 +1,7 @@
 """Draw docs/pictures by our renderer: every scene, every BSDF, the strips of the README.
 
-`python docs/draw_pictures.py` draws all of them, `python docs/draw_pictures.py NAME...` some
-of them, as JPEG files of some kilobytes each. One strip needs Mitsuba.
+`python docs/draw_pictures.py` draws all of them, and `python docs/draw_pictures.py NAME...`
+some, as JPEG files of some kilobytes each. One strip needs Mitsuba.
 """
 
 from __future__ import annotations
