@@ -2,8 +2,8 @@
 
 Pages link to files of the repository by relative paths, `../renderer/errors.py#L12`, which
 work on a hosting page and in an editor. Here such a link leads to a page of the site, and
-the site needs no network. Folders become lists of their files. READMEs of scenes lead to
-the gallery, and CONTRIBUTING.md and CHANGELOG.md are pages.
+the site needs no network. Folders become lists of their files. CONTRIBUTING.md and
+CHANGELOG.md are pages.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ ELSEWHERE = {"README.md": "index.md", "scenes/README.md": "gallery.md"} | {
     document: f"{page}.md" for page, document in PAGES.items()
 }
 LINK = re.compile(r"(?<!!)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<target>[^)\s]+)\)")
-SCENE = re.compile(r"scenes/([\w-]+)/README\.md")
 
 logger = logging.getLogger(__name__)
 
@@ -61,9 +60,7 @@ def on_the_site(target: str, document: Path, page: str) -> str:
         return target
     if not file.exists():
         return target  # Sphinx warns
-    if scene := SCENE.fullmatch(name):
-        name, mark, fragment = "docs/gallery.md", "#", scene[1]
-    elif name in ELSEWHERE:
+    if name in ELSEWHERE:
         name = f"docs/{ELSEWHERE[name]}"
     if name.startswith("docs/") and name.endswith(".md"):
         here = relpath(name.removeprefix("docs/"), Path(page).parent.as_posix() or ".")
