@@ -35,6 +35,7 @@ MORE: tuple[dict[str, Any], ...] = (  # plugins that none of these files names
 
 Parameters = dict[str, tuple[str, str]]  # type and default, by the parameter's name
 Asked = dict[tuple[str, str], Parameters]  # by tag and plugin
+Scenes = dict[tuple[str, str], list[str]]  # of `scenes/` that have it
 
 METHODS = {
     "number": "float",
@@ -69,6 +70,7 @@ CONSTANTS: dict[str, Parameters] = {
     "uniform": {"value": ("float", "")},
 }
 ANY_NAME = {"bumpmap": ("heights", "any")}  # the texture may have any name
+MOST_SCENES = 4
 DEPENDS = "depends on others"  # a default
 
 # ---------------------------------------------------------------------------- gallery
@@ -136,8 +138,9 @@ SECTIONS = {
 }
 
 
-def every_plugin(asked: Asked) -> str:
+def every_plugin() -> str:
     """Return the page of all plugins."""
+    asked, scenes = asked_parameters()
     sections = []
     for tag, title in SECTIONS.items():
         sections.append(f"## {title}\n")
@@ -145,19 +148,26 @@ def every_plugin(asked: Asked) -> str:
             found = asked.get((tag, plugin), CONSTANTS.get(plugin, {}))
             left_out = ANY_NAME.get(plugin, ())
             found = {name: row for name, row in found.items() if name not in left_out}
-            sections.append(shown_plugin(tag, plugin, found))
+            seen = scenes.get((tag, plugin), [])
+            sections.append(shown_plugin(tag, plugin, found, seen))
     return EVERY_PLUGIN.format(sections="\n".join(sections))
 
 
-def shown_plugin(tag: str, plugin: str, parameters: Parameters) -> str:
-    """Return the section of one plugin: picture, parameters, proof."""
+def shown_plugin(tag: str, plugin: str, parameters: Parameters, scenes: list[str]) -> str:
+    """Return the section of one plugin: picture, parameters, proof, scenes."""
     lines = [f"### {plugin}", ""]
     if (DOCS / "pictures" / f"{tag}-{plugin}.jpg").exists():
         lines += [f"![{plugin}](pictures/{tag}-{plugin}.jpg)", ""]
     lines += [*_table(parameters), ""]
     proof = ROOT / "tests" / "plugins" / f"{plugin}.xml"
+    where = []
     if proof.exists():
-        lines += [f"Proved with [{plugin}.xml](../tests/plugins/{plugin}.xml).", ""]
+        where.append(f"Proved with [{plugin}.xml](../tests/plugins/{plugin}.xml).")
+    if scenes:
+        named = ", ".join(f"[{name}](gallery.md#{name})" for name in scenes[:MOST_SCENES])
+        where.append(f"Seen in {named}.")
+    if where:
+        lines += [" ".join(where), ""]
     return "\n".join(lines)
 
 
@@ -172,9 +182,11 @@ def _table(parameters: Parameters) -> Iterator[str]:
         yield f"| {shown} | {kind} | {default} |"
 
 
-def asked_parameters() -> Asked:
-    """Return what the readers of all plugins ask for in the files of `READ`."""
+def asked_parameters() -> tuple[Asked, Scenes]:
+    """Return what the readers of all plugins ask for in the files of `READ`, and where."""
     asked: Asked = {}
+    scenes: Scenes = {}
+    reading = ""  # the name of a scene of `scenes/`
 
     def note(properties: Properties, name: str, kind: str, default: object = None) -> None:
         element = properties.element
@@ -204,6 +216,10 @@ def asked_parameters() -> Asked:
     def finished(properties: Properties) -> None:
         for name in properties._asked:
             note(properties, name, "")
+        element = properties.element
+        seen = scenes.setdefault((element.tag, element.plugin), [])
+        if reading and reading not in seen:
+            seen.append(reading)
         finish(properties)
 
     for name, kind in METHODS.items():
@@ -214,10 +230,12 @@ def asked_parameters() -> Asked:
         setattr(objects, name, noted(getattr(objects, name), kind))
     Properties.finish = finished  # type: ignore[method-assign]
     for path in READ:
+        reading = path.parent.name if path in SCENES else ""
         read_file(path)
+    reading = ""
     for plugins in MORE:
         read_dict({"type": "scene", **PLAIN, **plugins})
-    return asked
+    return asked, scenes
 
 
 def _shown(default: object) -> str:
@@ -232,6 +250,4 @@ def _shown(default: object) -> str:
 
 if __name__ == "__main__":
     (DOCS / "gallery.md").write_text(gallery(), encoding="utf-8")
-    (DOCS / "every-plugin.md").write_text(
-        every_plugin(asked_parameters()), encoding="utf-8"
-    )
+    (DOCS / "every-plugin.md").write_text(every_plugin(), encoding="utf-8")

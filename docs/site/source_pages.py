@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import html
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from posixpath import relpath
@@ -109,12 +110,19 @@ def linked_files(app: Sphinx) -> list[str]:
 
 
 def source_pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """Yield a page for each file that is linked to."""
+    """Yield a page for each file that is linked to, and put the file next to it."""
     files = linked_files(app)
     for name in files:
         path = ROOT / name
-        body = listed(path, set(files)) if path.is_dir() else shown(path)
         title = html.escape(name)
+        if path.is_dir():
+            body = listed(path, set(files))
+        else:
+            copy = app.outdir / page_of(name)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, copy)
+            own = html.escape(path.name)
+            body = f'<p><a href="{own}" download>Download {own}</a></p>{shown(path)}'
         context = {"title": name, "body": f"<h1>{title}</h1>{body}"}
         yield page_of(name), context, "page.html"
     logger.info("%d pages of source", len(files))

@@ -96,7 +96,9 @@ def check(words):
             assert name in PROJECT["optional-dependencies"], f"no extra {name}"
     elif program == "lightproof" and rest and rest[0] in WORDS:
         module = importlib.import_module(WORDS[rest[0]].partition(":")[0])
-        if hasattr(module, "_parser"):
+        if hasattr(module, "_parsed"):
+            module._parsed(rest[1:])
+        elif hasattr(module, "_parser"):
             module._parser().parse_args(rest[1:])
     elif program == "lightproof" and rest and rest[0] in EXPECTED:
         pass

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import docs.draw_speed as draw_speed
@@ -56,10 +57,9 @@ def test_the_gallery_and_the_page_of_plugins_are_up_to_date(tmp_path):
     code = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
-        "from docs.write_pages import asked_parameters, every_plugin, gallery\n"
+        "from docs.write_pages import every_plugin, gallery\n"
         "Path('gallery.md').write_text(gallery(), encoding='utf-8')\n"
-        "page = every_plugin(asked_parameters())\n"
-        "Path('every-plugin.md').write_text(page, encoding='utf-8')\n"
+        "Path('every-plugin.md').write_text(every_plugin(), encoding='utf-8')\n"
     )
     subprocess.run([sys.executable, "-c", code, ROOT], cwd=tmp_path, check=True)
     for name in ("gallery.md", "every-plugin.md"):
@@ -67,11 +67,29 @@ def test_the_gallery_and_the_page_of_plugins_are_up_to_date(tmp_path):
         assert (DOCS / name).read_text(encoding="utf-8") == written, "run `make docs`"
 
 
-def test_every_scene_and_every_bsdf_has_a_picture():
+@pytest.fixture
+def draw_pictures(monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))  # the script lengthens it
+    import docs.draw_pictures
+
+    return docs.draw_pictures
+
+
+def test_every_scene_and_every_bsdf_has_a_picture(draw_pictures):
+    """No picture is left that nothing draws."""
     scenes = {path.parent.name for path in (ROOT / "scenes").glob("*/scene.xml")}
     bsdfs = {f"bsdf-{name}" for name in supported_plugins("bsdf")}
-    pictures = {path.stem for path in (DOCS / "pictures").glob("*.jpg")}
-    assert scenes | bsdfs <= pictures
+    pictures = {path.stem for path in (DOCS / "pictures").iterdir()}
+    assert scenes | bsdfs <= pictures == set(draw_pictures.everything())
+
+
+def test_a_difference_is_red_where_the_first_is_brighter(draw_pictures):
+    """White where they are equal, blue where it is darker."""
+    reference = np.ones((1, 3, 3))
+    mine = reference + np.array([1.0, 0.0, -1.0]).reshape(1, 3, 1)
+    red, white, blue = draw_pictures.difference(mine, reference, 0.5)[0]
+    assert red.tolist() == [1, 0, 0] and white.tolist() == [1, 1, 1]
+    assert blue.tolist() == [0, 0, 1]
 
 
 def test_pictures_are_small():
