@@ -6,21 +6,21 @@
 
 from __future__ import annotations
 
-import renderer
+import lightproof
 
 
-def still_life(angle: float, width: int = 240, height: int = 160) -> renderer.Scene:
+def still_life(angle: float, width: int = 240, height: int = 160) -> lightproof.Scene:
     """Return three balls and a block on a board, seen from `angle` degrees."""
-    turned = renderer.rotate([0, 0, 1], angle)
-    camera = turned @ renderer.look_at([0, -6, 2.6], [0, 0, 0.7], [0, 0, 1])
+    turned = lightproof.rotate([0, 0, 1], angle)
+    camera = turned @ lightproof.look_at([0, -6, 2.6], [0, 0, 0.7], [0, 0, 1])
     board = {
         "type": "checkerboard",
         "color0": {"type": "rgb", "value": [0.75, 0.72, 0.66]},
         "color1": {"type": "rgb", "value": [0.30, 0.33, 0.38]},
-        "to_uv": renderer.scale([6, 6, 1]),
+        "to_uv": lightproof.scale([6, 6, 1]),
     }
     red = {"type": "rgb", "value": [0.70, 0.08, 0.06]}
-    return renderer.load_dict(
+    return lightproof.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 8},
@@ -45,7 +45,7 @@ def still_life(angle: float, width: int = 240, height: int = 160) -> renderer.Sc
             },
             "floor": {
                 "type": "rectangle",
-                "to_world": renderer.scale([3, 3, 1]),
+                "to_world": lightproof.scale([3, 3, 1]),
                 "bsdf": {"type": "diffuse", "reflectance": board},
             },
             "plastic": {
@@ -62,9 +62,9 @@ def still_life(angle: float, width: int = 240, height: int = 160) -> renderer.Sc
             },
             "block": {
                 "type": "cube",
-                "to_world": renderer.translate([0.9, -1.2, 0.4])
-                @ renderer.rotate([0, 0, 1], 25)
-                @ renderer.scale([0.4, 0.4, 0.4]),
+                "to_world": lightproof.translate([0.9, -1.2, 0.4])
+                @ lightproof.rotate([0, 0, 1], 25)
+                @ lightproof.scale([0.4, 0.4, 0.4]),
             },
         }
     )
@@ -72,8 +72,8 @@ def still_life(angle: float, width: int = 240, height: int = 160) -> renderer.Sc
 
 if __name__ == "__main__":
     for frame in range(10):
-        image = renderer.render(
+        image = lightproof.render(
             still_life(36 * frame), spp=16384, seed=frame, target_error=0.02
         )
         image.save(f"turn_{frame}.png")
-        print(image.metadata["error"], image.spp)  # noqa: T201
+        print(image.metadata["error"], image.spp)
