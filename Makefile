@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
+DOCS_INSTALLED := $(VENV)/.lightproof-docs-installed
 OUT := reports/out
 
 # Set in many containers; here some hundred processes would compile 400 files each.
@@ -40,9 +41,13 @@ lint: $(INSTALLED) ## style, format, types, the import contract
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-docs: $(INSTALLED) ## refresh lines and pictures of the docs that come from the code
+docs: $(DOCS_INSTALLED) ## refresh what pages take from the code, build the site build/site
 	@$(BIN)/python docs/lecture_lines.py
 	@$(BIN)/python docs/draw_architecture.py
+	@$(BIN)/python docs/draw_speed.py
+	@$(BIN)/python docs/write_pages.py
+	@$(BIN)/sphinx-build -c docs/site -b html -E -n -W --keep-going -q docs build/site
+	@echo 'The site: build/site/index.html'
 
 clean: ## remove what was made, except .venv and the caches in your home
 	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \
@@ -59,4 +64,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo 'Installing lightproof and what it needs into $(VENV)'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --editable '.[harness,cluster,convert,dev]' --constraint constraints.txt
+	@touch $@
+
+# What builds the site; no other target needs it.
+$(DOCS_INSTALLED): $(INSTALLED)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --editable '.[docs]' --constraint constraints.txt
 	@touch $@

@@ -5,7 +5,7 @@ from __future__ import annotations
 # ------------------------------------------------------------------------------ version
 # The version of this program, as files and checkpoints name it.
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"
 
 
 # -------------------------------------------------------------------------------- names

@@ -30,6 +30,8 @@ def test_one_version_everywhere():
     assert newest == PROJECT["version"]
     assert importlib.metadata.version("lightproof") == PROJECT["version"]
     assert renderer.__version__ == PROJECT["version"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {PROJECT['version']}\n" in citation
 
 
 def test_the_renderer_alone_needs_no_mitsuba():
@@ -190,10 +192,10 @@ def test_links_in_the_documents_lead_somewhere():
     assert not dead
 
 
-def test_the_readme_names_every_plugin_that_is_supported():
+def test_the_page_of_scene_files_names_every_plugin_that_is_supported():
     """Its table is the list of the scene reader, by tag; `work` is no plugin of a file."""
-    table = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = table.partition("## What it reads")[2].partition("\n\n`--accel`")[0]
+    table = (ROOT / "docs" / "scene-files.md").read_text(encoding="utf-8")
+    table = table.partition("## Plugins")[2].partition("\n\nAn unknown plugin")[0]
     tags = {
         "shapes": ["shape"],
         "BSDFs": ["bsdf"],

@@ -1,0 +1,182 @@
+"""Draw docs/speed.svg and write the numbers beside it, from the kept rows of the study.
+
+The rows are those of `python -m reports speed-accuracy` in reports/measured. `make docs`
+runs this file: it draws the chart, fills the table of docs/performance.md and the sentence
+of README.md between their marks. A test compares all three with the rows.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import gettempdir
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))  # of this clone, whatever is installed
+
+from reports.bench.rows import Run, Table  # noqa: E402
+from reports.bench.store import Store  # noqa: E402
+from reports.look.formatting import number  # noqa: E402
+from reports.pages.speed_accuracy_page import (  # noqa: E402
+    Efficiency,
+    efficiencies,
+    noisy_scenes,
+)
+
+PICTURE = ROOT / "docs" / "speed.svg"
+README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "performance.md"
+WIDTH, LEFT, RIGHT, ROW, TOP, BOTTOM = 760, 170, 60, 22, 18, 44
+
+
+@dataclass(frozen=True)
+class Bar:
+    """How many times as fast ours reaches the same error in one scene."""
+
+    scene: str
+    ratio: float
+    low: float  # ends of an interval of 95 %
+    high: float
+
+
+def kept_rows() -> Table:
+    """Return the rows of the study that the repository keeps, and no others."""
+    return Store(Path(gettempdir()) / "no-rows-here").read("speed-accuracy")
+
+
+def bars_of(table: Table) -> list[Bar]:
+    """Return a bar for each scene with noise that a peer can draw, the largest first."""
+    bars = []
+    for scene in noisy_scenes(table):
+        row = scene.best.ratio
+        if row is not None and isinstance(row.value, float):
+            low, high = row.interval or (row.value, row.value)
+            bars.append(Bar(scene.name, row.value, low, high))
+    return sorted(bars, key=lambda bar: -bar.ratio)
+
+
+def draw(bars: list[Bar]) -> str:
+    """Return the chart as SVG text, the same for the same rows."""
+    ends = [1.0, *(end for bar in bars for end in (bar.low, bar.high))]
+    first, last = math.log(min(ends) / 1.15), math.log(max(ends) * 1.15)
+
+    def x(value: float) -> float:
+        return LEFT + (WIDTH - LEFT - RIGHT) * (math.log(value) - first) / (last - first)
+
+    below = TOP + ROW * len(bars)
+    parts = [_HEAD.format(WIDTH, below + BOTTOM)]
+    for tick in ticks(math.exp(first), math.exp(last)):
+        kind = "one" if tick == 1.0 else "grid"
+        parts.append(f'<path class="{kind}" d="M{x(tick):.1f} {TOP - 8} V{below}"/>')
+        parts.append(
+            f'<text class="tick" x="{x(tick):.1f}" y="{below + 15}">{tick:g}</text>'
+        )
+    for index, bar in enumerate(bars):
+        y = TOP + ROW * index + ROW / 2
+        parts += [
+            f'<text class="name" x="{LEFT - 12}" y="{y + 4:g}">{bar.scene}</text>',
+            f'<path class="interval" d="M{x(bar.low):.1f} {y:g} H{x(bar.high):.1f}"/>',
+            f'<circle cx="{x(bar.ratio):.1f}" cy="{y:g}" r="4"/>',
+            f'<text class="value" x="{x(bar.high) + 8:.1f}" y="{y + 4:g}">'
+            f"{number(bar.ratio, 2)}</text>",
+        ]
+    middle = (LEFT + WIDTH - RIGHT) / 2
+    parts.append(
+        f'<text class="tick" x="{middle:g}" y="{below + 34}">'
+        "times as fast as Mitsuba to the same error (95 % intervals)</text>"
+    )
+    return "\n".join([*parts, "</svg>\n"])
+
+
+def ticks(least: float, most: float) -> list[float]:
+    """Return the numbers 1, 2 and 5 times powers of ten between two others."""
+    candidates = [step * 10.0**power for power in range(-3, 4) for step in (1.0, 2.0, 5.0)]
+    return [tick for tick in candidates if least <= tick <= most]
+
+
+def markdown_table(rows: list[Efficiency]) -> str:
+    """Return the table of all samplers."""
+    lines = ["| ours | scenes | geometric mean | 95 % | worst case | ahead in |"]
+    lines.append("|---|---|---|---|---|---|")
+    for row in rows:
+        interval = " to ".join(map(number, row.interval))
+        worst = f"{number(row.worst)} ({row.worst_scene})"
+        cells = (row.name, row.scenes, number(row.mean), interval, worst, row.ahead)
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def circumstances(table: Table) -> str:
+    """Return where and when the rows were measured, and how large the pictures are."""
+    sizes = [str(row.value).split(" x ") for row in table.where(quantity="size")]
+    longer = sorted(max(map(int, size)) for size in sizes)
+    run = table.newest
+    assert run is not None
+    return (
+        f"Measured on {machine_of(run)}, commit {run.commit[:7]}, {run.created[:10]}. "
+        f"The longer side of a picture has {longer[0]} to {longer[-1]} pixels."
+    )
+
+
+def machine_of(run: Run) -> str:
+    """Return the processor in words."""
+    name = str(run.machine.get("cpu", "an unknown processor")).replace("(R)", "")
+    return f"{run.machine.get('cores')} cores ({name})"
+
+
+def sentence(best: Efficiency, run: Run) -> str:
+    """Return what the README says about the speed."""
+    low, high = map(number, best.interval)
+    return (
+        f"Over {best.scenes} scenes lightproof is {number(best.mean)} times as fast to the "
+        f"same error as the faster of Mitsuba's\n`scalar_rgb` and `llvm_ad_rgb` (geometric "
+        f"mean; 95 % interval {low} to {high}). The worst scene is\n"
+        f"`{best.worst_scene}` with {number(best.worst)}. Measured on {machine_of(run)}, "
+        f"{run.created[:10]}."
+    )
+
+
+def filled(text: str, name: str, content: str) -> str:
+    """Return a document with new content between its marks `<!-- name -->`.
+
+    Raises
+    ------
+    ValueError
+        If it has no such marks.
+    """
+    marks = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end of {name} -->)", re.DOTALL)
+    if not marks.search(text):
+        raise ValueError(f"no marks <!-- {name} --> in the document")
+    return marks.sub(lambda found: f"{found[1]}\n{content}\n\n{found[2]}", text)
+
+
+def documents(table: Table) -> dict[Path, str]:
+    """Return what the chart, the page and the README are with these rows."""
+    rows, run = efficiencies(noisy_scenes(table)), table.newest
+    assert run is not None
+    readme, page = (path.read_text(encoding="utf-8") for path in (README, PAGE))
+    shown = f"{markdown_table(rows)}\n\n{circumstances(table)}"
+    return {
+        PICTURE: draw(bars_of(table)),
+        PAGE: filled(page, "speed-accuracy table", shown),
+        README: filled(readme, "speed", sentence(rows[0], run)),
+    }
+
+
+_HEAD = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {0} {1}" \
+font-family="sans-serif" font-size="13">
+<title>How many times as fast as Mitsuba lightproof reaches the same error, by scene</title>
+<style>.name {{ text-anchor: end }} .tick {{ text-anchor: middle; fill: #555 }}
+.value {{ fill: #555 }} circle {{ fill: #1f6fb2 }}
+path {{ fill: none }} .interval {{ stroke: #1f6fb2; stroke-width: 2 }}
+.grid {{ stroke: #e2e6ea }} .one {{ stroke: #777; stroke-dasharray: 4 3 }}
+</style>
+<rect width="100%" height="100%" fill="#fff"/>"""
+
+
+if __name__ == "__main__":
+    for path, text in documents(kept_rows()).items():
+        path.write_text(text, encoding="utf-8")
