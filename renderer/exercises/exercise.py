@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.exercises.vectors import Vector
+from renderer.exercises.vectors import Vector, unit
 
 Functions = SimpleNamespace  # the functions of an exercise, by name
 Variants = frozenset[str]  # names of mistakes and conventions that are switched on
@@ -57,6 +57,7 @@ class Case:
     arguments: tuple[Any, ...] = ()
     # takes all functions; None: call the function with the arguments
     measure: Callable[[Functions], Any] | None = None
+    read: Callable[[Any], Any] | None = None  # brings equivalent answers to one form
     tolerance: float = 1e-5  # relative
 
     def ask(self, functions: Functions) -> Any:
@@ -64,7 +65,30 @@ class Case:
         if self.measure is not None:
             return self.measure(functions)
         copies = (a.copy() if isinstance(a, np.ndarray) else a for a in self.arguments)
-        return getattr(functions, self.function)(*copies)
+        found = getattr(functions, self.function)(*copies)
+        return found if self.read is None else self.read(found)
+
+
+def direction_cases(
+    about: str, function: str, arguments: tuple[Any, ...]
+) -> Iterator[Case]:
+    """Give two questions: where a direction points, and whether its length is 1."""
+    yield Case(about, function, arguments, read=partial(_of_vector, unit))
+    about = f"{about}; whether the length is 1"
+    yield Case(about, function, arguments, read=partial(_of_vector, _is_unit))
+
+
+def _is_unit(w: Vector) -> bool:
+    return abs(float(w @ w) - 1.0) < 1e-5
+
+
+def _of_vector(read: Callable[[Vector], Any], answer: Any) -> Any:
+    """Apply `read` to a vector that is not 0; anything else stays as it is."""
+    try:
+        w = np.asarray(answer, np.float64)
+    except (TypeError, ValueError):
+        return answer
+    return read(w) if w.shape == (3,) and np.isfinite(w).all() and w.any() else answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +118,8 @@ class Exercise:
         fails; None: a picture would show nothing.
     conventions
         Variants that are right too.
-    pairs
-        Whether two mistakes at once are looked for; False where it would take too long.
+    slow
+        The answers take long. Those to two mistakes at once are made up of theirs.
     """
 
     name: str
@@ -108,7 +132,7 @@ class Exercise:
     cases: Callable[[np.random.Generator], Iterator[Case]]
     picture: Callable[[Functions], Vector] | None = None
     conventions: Sequence[str] = ()
-    pairs: bool = True
+    slow: bool = False
 
     def right(self, variants: Variants = RIGHT) -> Functions:
         """Return the right functions, or variants of them."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.exercises.answers import agree, plain, raised
+from renderer.exercises.answers import agree, is_broken, plain, raised
 from renderer.exercises.exercise import RIGHT, Case, Exercise, Functions, Mistake, Variants
 
 NAMED = 0.9  # a mistake with this share is called the mistake
@@ -103,7 +103,8 @@ def _explanations(
 ) -> list[Explanation]:
     """Return every mistake with its share, best first; pairs if no single one suffices."""
     tried = _tried(exercise, found, conventions, [(one,) for one in exercise.mistakes])
-    if tried[0].share < NAMED and tried[0].explained and exercise.pairs:
+    # what raises an exception everywhere has no second mistake yet
+    if tried[0].share < NAMED and not all(is_broken(one) for one in found):
         pairs = itertools.combinations(exercise.mistakes, 2)
         both = _tried(exercise, found, conventions, pairs)
         tried = [*(one for one in both[:1] if one.share >= NAMED), *tried]
@@ -139,7 +140,12 @@ def _explanation(
 ) -> Explanation:
     cases = _questions(exercise)
     right = answers_of(exercise, convention)
-    predicted = answers_of(exercise, convention | forms)
+    if len(forms) == 2 and exercise.slow:
+        first, second = (answers_of(exercise, convention | {one}) for one in forms)
+        changed = set(_different(cases, first, right))
+        predicted = [first[k] if k in changed else second[k] for k in range(len(cases))]
+    else:
+        predicted = list(answers_of(exercise, convention | forms))
     failures = set(_different(cases, found, right))
     concerned = failures | set(_different(cases, predicted, right))
     unexplained = set(_different(cases, found, predicted)) & concerned

@@ -17,15 +17,17 @@ BACKGROUND = np.array([0.12, 0.14, 0.18])
 EYE = np.array([0.0, 0.0, 4.0])
 
 
-def scan(colour: Callable[[float, float], Any], size: int = SIZE) -> Vector:
-    """Return a picture (size, size, 3) of a function of x to the right and y up.
+def scan(
+    colour: Callable[[float, float], Any], width: int = SIZE, height: int = SIZE
+) -> Vector:
+    """Return a picture (height, width, 3) of a function of x to the right and y up.
 
     Both are in (-1, 1), at the centres of pixels. A pixel whose function fails is NaN.
     """
-    picture = np.full((size, size, 3), np.nan)
-    centres = (2.0 * np.arange(size) + 1.0) / size - 1.0
-    for row, y in enumerate(centres[::-1]):
-        for column, x in enumerate(centres):
+    picture = np.full((height, width, 3), np.nan)
+    across, up = ((2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (width, height))
+    for row, y in enumerate(up[::-1]):
+        for column, x in enumerate(across):
             with np.errstate(all="ignore"):
                 try:
                     picture[row, column] = colour(float(x), float(y))

@@ -2,11 +2,34 @@
 
 from __future__ import annotations
 
-from renderer.exercises.chapters import rays, triangles
+from renderer.exercises.chapters import (
+    boxes_and_grids,
+    bsdf,
+    bvh,
+    kd_tree,
+    mirrors,
+    path_tracing,
+    rays,
+    sampling,
+    shading,
+    triangles,
+)
 from renderer.exercises.exercise import Exercise
 
 CHAPTERS = {
     "Rays and surfaces": (*rays.EXERCISES, *triangles.EXERCISES),
+    "Shading": shading.EXERCISES,
+    "Faster: boxes, grids and trees": (
+        *boxes_and_grids.EXERCISES,
+        *kd_tree.EXERCISES,
+        *bvh.EXERCISES,
+    ),
+    "Mirrors and glass": mirrors.EXERCISES,
+    "All light: Monte Carlo": (
+        *sampling.EXERCISES,
+        *path_tracing.EXERCISES,
+        *bsdf.EXERCISES,
+    ),
 }
 EXERCISES = {one.name: one for exercises in CHAPTERS.values() for one in exercises}
 

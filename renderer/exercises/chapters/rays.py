@@ -14,6 +14,7 @@ from renderer.exercises.exercise import (
     Exercise,
     Functions,
     Variants,
+    direction_cases,
     mistakes_of,
 )
 from renderer.exercises.pictures import BACKGROUND, of_normal, scan, through
@@ -89,7 +90,8 @@ def _camera_cases(random: Generator) -> Iterator[Case]:
         ("the centre of the right edge", (64.0, 24.0)),
         ("the centre of the lower edge", (32.0, 48.0)),
     ):
-        yield Case(about, "camera_ray", (*place, 64, 48, o, front, y, 90.0))
+        arguments = (*place, 64, 48, o, front, y, 90.0)
+        yield from direction_cases(about, "camera_ray", arguments)
     tilted = vector(0, 3, -1)
     yield Case(
         "an `up` that is not perpendicular to the view, and not unit",
@@ -101,7 +103,8 @@ def _camera_cases(random: Generator) -> Iterator[Case]:
         place = (random.uniform(0, width), random.uniform(0, height))
         view = (random.normal(size=3), random.normal(size=3), random.normal(size=3))
         fov = random.uniform(20, 120)
-        yield Case("a random camera", "camera_ray", (*place, width, height, *view, fov))
+        arguments = (*place, width, height, *view, fov)
+        yield from direction_cases("a random camera", "camera_ray", arguments)
 
 
 def _camera_picture(f: Functions) -> Vector:
@@ -118,7 +121,7 @@ def _camera_picture(f: Functions) -> Vector:
         floor = eye - eye[1] / d[1] * d
         return np.full(3, 0.8 if (math.floor(floor[0]) + math.floor(floor[2])) % 2 else 0.3)
 
-    return scan(colour)
+    return scan(colour, 48, 32)
 
 
 CAMERA = Exercise(

@@ -36,7 +36,7 @@ def verdict_on(source: str, exercise: Exercise) -> Any:
 def names(verdict: Any) -> str:
     """Return the mistakes that are named."""
     named = verdict.named
-    return "+".join(one.name for one in named.mistakes) if named else "none"
+    return "+".join(sorted(one.name for one in named.mistakes)) if named else "none"
 
 
 def test_there_are_exercises_for_the_whole_lecture() -> None:
