@@ -1,0 +1,408 @@
+"""Random directions, and two ways of sampling joined into one estimate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from renderer.exercises.exercise import (
+    RIGHT,
+    Case,
+    Exercise,
+    Functions,
+    Variants,
+    mistakes_of,
+)
+from renderer.exercises.pictures import scan
+from renderer.exercises.vectors import Vector
+
+# -------------------------------------------------------------------- cosine hemisphere
+
+
+def sample_cosine(
+    u1: float, u2: float, *, variants: Variants = RIGHT
+) -> tuple[Vector, float]:
+    """Return a random direction above a surface, with a density in proportion to cosines.
+
+    Parameters
+    ----------
+    u1, u2 : float
+        Two independent numbers in [0, 1), all equally likely.
+
+    Returns
+    -------
+    tuple (wi, pdf)
+        wi is an ndarray of shape (3,) of length 1 with wi[2] >= 0; the normal is (0, 0, 1).
+        pdf is the density of wi with respect to solid angle, in 1/sr.
+    """
+    r2 = u1
+    if "no-root" in variants:
+        r2 = u1 * u1
+    z = math.sqrt(1.0 - r2)
+    if variants & {"uniform", "uniform-cosine-pdf"}:
+        z = 1.0 - u1
+    if "uniform-angle" in variants:
+        z = math.cos(0.5 * math.pi * u1)
+    if "whole-sphere" in variants:
+        z = 1.0 - 2.0 * u1
+    r = math.sqrt(1.0 - z * z)
+    turn = math.pi if "half-turn" in variants else 2.0 * math.pi
+    if "quarter-turn" in variants:
+        turn = math.pi / 2.0
+    pdf = abs(z) / math.pi
+    if variants & {"uniform", "pdf-uniform"}:
+        pdf = 0.5 / math.pi
+    if "pdf-no-pi" in variants:
+        pdf = z
+    if "pdf-of-disk" in variants:
+        pdf = 1.0 / math.pi
+    if "pdf-half" in variants:
+        pdf = 0.5 * z / math.pi
+    if "z-not-rooted" in variants:
+        z = 1.0 - r2
+    if "flat" in variants:
+        z = 1.0
+    angle = turn * u2
+    return np.array([r * math.cos(angle), r * math.sin(angle), z]), pdf
+
+
+def _directions(functions: Functions, side: int) -> tuple[Vector, Vector]:
+    """Return directions (side^2, 3) and their densities, for evenly spread numbers."""
+    places = (np.arange(side) + 0.5) / side
+    found = [functions.sample_cosine(float(a), float(b)) for a in places for b in places]
+    return (
+        np.array([wi for wi, _ in found], np.float64),
+        np.array([pdf for _, pdf in found], np.float64),
+    )
+
+
+def _means(*powers: tuple[int, int, int]) -> Callable[[Functions], list[float]]:
+    """Return what measures the means of x^i y^j z^k."""
+
+    def measure(functions: Functions) -> list[float]:
+        w, _ = _directions(functions, 48)
+        return [float(np.mean(np.prod(w ** np.array(p), axis=1))) for p in powers]
+
+    return measure
+
+
+def _fits(functions: Functions) -> bool:
+    """Return whether cells of equal probability receive equal numbers of directions.
+
+    Pearson's statistic of 64^2 directions in 8 x 16 cells has the mean 127 and the standard
+    deviation 16 if they are independent. Evenly spread numbers give less. 230 is exceeded
+    by independent ones in 1 of 10^7 cases.
+    """
+    w, _ = _directions(functions, 64)
+    rings = np.clip((w[:, 0] ** 2 + w[:, 1] ** 2) * 8.0, 0.0, 7.5).astype(int)
+    sectors = np.floor((np.arctan2(w[:, 1], w[:, 0]) / math.pi + 1.0) * 8.0).astype(int)
+    counts = np.bincount(rings * 16 + np.clip(sectors, 0, 15), minlength=128)
+    expected = len(w) / 128.0
+    return bool(np.sum((counts - expected) ** 2) / expected < 230.0)
+
+
+def _of_one(read: Callable[[Vector, float], Any], answer: Any) -> Any:
+    """Apply `read` to a sample; anything that is none, as it is."""
+    try:
+        wi, pdf = answer
+        w = np.asarray(wi, np.float64)
+        if w.shape != (3,) or np.ndim(pdf) != 0:
+            return answer
+    except (TypeError, ValueError):
+        return answer
+    return read(w, float(pdf))
+
+
+def _pdf_over_right_one(w: Vector, pdf: float) -> float:
+    right = float(w[2]) / math.pi
+    if abs(right) < 1e-9:
+        return 1.0 if abs(pdf) < 1e-6 else math.inf
+    return pdf / right
+
+
+def _cosine_cases(random: Generator) -> Iterator[Case]:
+    numbers = [(0.5, 0.5), (0.25, 0.75), (0.0, 0.0), (0.9, 0.1), (1.0 - 2.0**-53, 0.3)]
+    numbers += [tuple(pair) for pair in random.random((20, 2)).tolist()]
+    for about, read in (
+        ("the length of the direction", lambda w, pdf: float(np.sqrt(w @ w))),
+        ("whether the direction is above the surface", lambda w, pdf: bool(w[2] >= 0.0)),
+        (
+            "pdf over cos / pi of the direction",
+            _pdf_over_right_one,
+        ),
+    ):
+        for pair in numbers:
+            one = partial(_of_one, read)
+            yield Case(about, "sample_cosine", pair, read=one, tolerance=1e-4)
+    for about, powers in (
+        ("the means of z, z^2 and z^4", [(0, 0, 1), (0, 0, 2), (0, 0, 4)]),
+        (
+            "the means of x, y, x y, x z and y z",
+            [(1, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 1), (0, 1, 1)],
+        ),
+        ("the means of x^2, y^2 and x^4", [(2, 0, 0), (0, 2, 0), (4, 0, 0)]),
+    ):
+        about = f"{about} over 48^2 evenly spread pairs (u1, u2)"
+        yield Case(about, "sample_cosine", measure=_means(*powers), tolerance=0.03)
+    about = "whether 128 cells of equal probability receive equal numbers of directions"
+    yield Case(about, "sample_cosine", measure=_fits)
+
+
+def _cosine_picture(f: Functions) -> Vector:
+    """Draw the directions from above: how many fall on each part of the disk."""
+    edges = np.linspace(-1.0, 1.0, 21)
+    try:
+        w, _ = _directions(f, 96)
+        counts, _, _ = np.histogram2d(-w[:, 1], w[:, 0], bins=(edges, edges))
+    except Exception:  # the answers to the cases tell what is wrong
+        counts = np.full((20, 20), np.nan)
+    shade = np.repeat(np.repeat(counts / 60.0, 2, axis=0), 2, axis=1)
+    return np.stack([shade] * 3, axis=2)
+
+
+COSINE = Exercise(
+    name="cosine",
+    summary="Random directions that favour the normal: cosine-weighted sampling",
+    task="""
+        A diffuse surface reflects the light of a direction in proportion to its cosine. So
+        directions are chosen with that density. Any right map from the two numbers to
+        directions is accepted.
+
+        The picture to reach shows the directions from above: the disk is filled evenly.""",
+    source="Malley's method: Pharr, Jakob, Humphreys, Physically Based Rendering, 4th "
+    "edition, section A.5.3 [Pharr2023]",
+    functions=(sample_cosine,),
+    hints=(
+        "The density is c cos, and its integral over the half sphere is 1: c = 1 / pi.",
+        "Points that fill the unit disk evenly, lifted to the half sphere, have this "
+        "density.",
+        "r = sqrt(u1) and angle = 2 pi u2 fill the disk evenly; z = sqrt(1 - r^2).",
+    ),
+    mistakes=mistakes_of("""
+        uniform (uniform, uniform-cosine-pdf): All directions are equally likely. | z must
+            be the square root of an even number: z = sqrt(1 - u1).
+        uniform-angle: All angles to the normal are equally likely. | The angle has a
+            density sin cos: z = sqrt(1 - u1).
+        no-root: The disk is not filled evenly: more points are near its centre. | The
+            radius is sqrt(u1).
+        whole-sphere: Directions are below the surface too. | z is in 0 to 1.
+        turn (half-turn, quarter-turn): The directions do not go all around the normal. |
+            The angle around the normal is 2 pi u2.
+        not-unit (z-not-rooted, flat): The direction does not have length 1. | z = sqrt(1
+            - x^2 - y^2).
+        pdf-no-pi: The pdf is pi times too large. | Its integral over the half sphere must
+            be 1: pdf = cos / pi.
+        pdf-uniform: The pdf is that of directions that are all equally likely. | pdf =
+            cos / pi.
+        pdf-of-disk: The pdf is that of the point on the disk. | The disk is seen at an
+            angle: pdf = cos / pi.
+        pdf-half: The pdf is half of what it should be. | pdf = cos / pi.
+        """),
+    cases=_cosine_cases,
+    picture=_cosine_picture,
+)
+
+
+# -------------------------------------------------------- multiple importance sampling
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A normal density."""
+
+    mean: float
+    sigma: float
+
+    def __call__(self, x: float) -> float:
+        """Return the density at x."""
+        z = (x - self.mean) / self.sigma
+        return math.exp(-0.5 * z * z) / (self.sigma * math.sqrt(2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """The density of numbers that are equally likely between two others."""
+
+    low: float
+    high: float
+
+    def __call__(self, x: float) -> float:
+        """Return the density at x."""
+        return 1.0 / (self.high - self.low) if self.low <= x < self.high else 0.0
+
+
+@dataclass(frozen=True)
+class Product:
+    """A product of two functions."""
+
+    a: Callable[[float], float]
+    b: Callable[[float], float]
+
+    def __call__(self, x: float) -> float:
+        """Return the product at x."""
+        return self.a(x) * self.b(x)
+
+
+def mis_estimate(
+    f: Callable[[float], float],
+    pdf_a: Callable[[float], float],
+    pdf_b: Callable[[float], float],
+    samples_a: Sequence[float],
+    samples_b: Sequence[float],
+    *,
+    variants: Variants = RIGHT,
+) -> float:
+    """Return an estimate of the integral of f, from samples of two densities.
+
+    Parameters
+    ----------
+    f : function
+        f(x) is the value to integrate; x is a float.
+    pdf_a, pdf_b : function
+        The two densities, pdf_a(x) and pdf_b(x).
+    samples_a, samples_b : list of float
+        Independent samples, those of a with density pdf_a and those of b with density
+        pdf_b. The lists may have different lengths; one of them may be empty.
+
+    Returns
+    -------
+    float
+        The estimate by multiple importance sampling. The weights are those of the power
+        heuristic with exponent 2, or of the balance heuristic.
+    """
+    n_a, n_b = len(samples_a), len(samples_b)
+
+    def weight(own: float, other: float, n_own: int, n_other: int) -> float:
+        if "no-counts" in variants:
+            n_own = n_other = 1
+        a, b = n_own * own, n_other * other
+        if "balance" not in variants:
+            a, b = a * a, b * b
+        if "counts-not-squared" in variants:
+            a, b = n_own * own * own, n_other * other * other
+        if "exchanged" in variants:
+            a, b = b, a
+        if "no-weights" in variants:
+            return 1.0
+        if "halves" in variants:
+            return 0.5
+        return a / (a + b)
+
+    found = 0.0
+    for k, (samples, n) in enumerate(((samples_a, n_a), (samples_b, n_b))):
+        total = 0.0
+        for x in samples:
+            p, q = pdf_a(x), pdf_b(x)
+            w = weight(p, q, n_a, n_b) if k == 0 else weight(q, p, n_b, n_a)
+            density = p if k == 0 else q
+            if "other-pdf" in variants:
+                density = p + q - density
+            if "sum-of-pdfs" in variants:
+                density = p + q
+            if "no-pdf" in variants:
+                density = 1.0
+            total += w * f(x) / density
+        if "only-a" in variants and k == 1:
+            continue
+        count = n_a + n_b if "all-counts" in variants else n
+        found += total if "not-mean" in variants else total / max(count, 1)
+    return found
+
+
+def _mis_cases(random: Generator) -> Iterator[Case]:
+    wide, narrow = Gaussian(0.0, 1.0), Gaussian(0.5, 0.2)
+    both = Product(wide, narrow)
+    for about, samples in (
+        ("one sample of each density", ([0.3], [0.6])),
+        ("one sample of the first density, none of the second", ([0.3], [])),
+        ("one sample of the second density, none of the first", ([], [0.6])),
+        ("three samples and one", ([0.3, -1.0, 0.8], [0.6])),
+    ):
+        yield Case(about, "mis_estimate", (both, wide, narrow, *samples))
+    left, right = Uniform(0.0, 1.0), Uniform(0.5, 2.5)
+    cut = (Product(left, left), left, right, [0.2], [0.7, 1.5])
+    yield Case("a sample where the other density is 0", "mis_estimate", cut)
+    for _ in range(80):
+        a = Gaussian(random.normal(), random.uniform(0.2, 2.0))
+        b = Gaussian(random.normal(), random.uniform(0.2, 2.0))
+        n_a, n_b = random.integers(1, 5, 2)
+        samples = (
+            random.normal(a.mean, a.sigma, n_a).tolist(),
+            random.normal(b.mean, b.sigma, n_b).tolist(),
+        )
+        arguments = (Product(a, b), a, b, *samples)
+        yield Case("random densities and samples", "mis_estimate", arguments)
+
+
+def _mis_picture(f: Functions) -> Vector:
+    """Draw the estimate over the integral: grey without noise."""
+    random = np.random.default_rng(7)
+
+    def colour(x: float, y: float) -> Vector:
+        light, bsdf = Gaussian(0.0, 10.0 ** (x - 1.0)), Gaussian(0.3, 10.0 ** (y - 1.0))
+        integral = Gaussian(0.3, math.hypot(light.sigma, bsdf.sigma))(0.0)
+        samples = (
+            random.normal(light.mean, light.sigma, 8).tolist(),
+            random.normal(bsdf.mean, bsdf.sigma, 8).tolist(),
+        )
+        found = f.mis_estimate(Product(light, bsdf), light, bsdf, *samples)
+        return np.full(3, 0.5 * found / integral)
+
+    return scan(colour)
+
+
+MIS = Exercise(
+    name="mis",
+    summary="Two densities and one integral: multiple importance sampling",
+    task="""
+        Light can be sampled at the lamps or by the material; each is bad where the other is
+        good. Divide each sample by its own density, as always, and multiply it with a
+        weight. At each x the weights of both densities have the sum 1.
+
+        In the picture to reach the light is wider from left to right, and the material
+        rougher from bottom to top. The estimate over the integral is drawn: grey is
+        right.""",
+    source="Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, "
+    "chapter 9 [Veach1997]",
+    functions=(mis_estimate,),
+    hints=(
+        "The estimate is the mean of w_a f / pdf_a over the samples of a, plus the mean of "
+        "w_b f / pdf_b over those of b.",
+        "The balance heuristic is w_a = n_a pdf_a / (n_a pdf_a + n_b pdf_b), with the "
+        "numbers of samples n_a and n_b.",
+        "The power heuristic squares each of the products n pdf.",
+    ),
+    mistakes=mistakes_of("""
+        no-weights: Both estimates are added without weights: all counts twice. | Multiply
+            each sample with its weight.
+        halves: The mean of both estimates is right on average, but it keeps the noise of
+            the worse one. | Weights depend on x: n_a pdf_a / (n_a pdf_a + n_b pdf_b).
+        exchanged: The weights are exchanged. | A sample has a large weight where its own
+            density is large.
+        no-counts: The numbers of samples are missing in the weights. | Multiply each
+            density by its number of samples.
+        counts-not-squared: The densities are squared, but not the numbers of samples. |
+            The power heuristic squares n pdf.
+        other-pdf: The sample is divided by the other density. | Divide it by the density
+            that it was drawn from.
+        sum-of-pdfs: The sample is divided by the sum of the densities. | Divide it by the
+            density that it was drawn from: the weight has the sum already.
+        no-pdf: The sample is not divided by its density. | w f / pdf.
+        not-mean: The samples are added, and their mean is not taken. | Divide by the
+            number of samples of that density.
+        all-counts: Both sums are divided by the number of all samples. | Divide each by
+            the number of its own samples.
+        only-a: The samples of the second density are not used. | Add both means.
+        """),
+    cases=_mis_cases,
+    picture=_mis_picture,
+    conventions=("balance",),
+)
+
+EXERCISES = (COSINE, MIS)
