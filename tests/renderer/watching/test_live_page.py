@@ -73,6 +73,15 @@ def test_it_listens_on_this_machine_alone(page):
         assert another.address != page.address and another.port != page.port
 
 
+def test_a_machine_without_a_port_is_one_line(monkeypatch):
+    def refuse(*_):
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(live_page, "ThreadingHTTPServer", refuse)
+    with pytest.raises(SceneError, match="no page can be served at .*: Operation"):
+        LivePage()
+
+
 @pytest.mark.parametrize(
     "path", ["/", "/state", "/wrong/", "/wrong/state", "//", "/%2e%2e/"]
 )
