@@ -78,7 +78,7 @@ def test_a_machine_without_a_port_is_one_line(monkeypatch):
         raise OSError(1, "Operation not permitted")
 
     monkeypatch.setattr(live_page, "ThreadingHTTPServer", refuse)
-    with pytest.raises(SceneError, match="no page can be served at .*: Operation"):
+    with pytest.raises(SceneError, match=r"no page can be served at .*: Operation"):
         LivePage()
 
 
