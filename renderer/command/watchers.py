@@ -36,7 +36,7 @@ def open_watchers(
     Raises
     ------
     SceneError
-        If no tev listens.
+        If no tev listens, or there is no port for a page.
     """
     found: list[Watcher] = []
     with ExitStack() as stack:

@@ -27,6 +27,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.rendering.picture.picture import Picture
 from renderer.rendering.progress_display import Progress, time_left
 
@@ -74,6 +75,11 @@ class LivePage:
     ----------
     address : str
         Of the page, with the token.
+
+    Raises
+    ------
+    SceneError
+        If the system gives no port.
     """
 
     def __init__(self, title: str = "") -> None:
@@ -88,7 +94,11 @@ class LivePage:
         self._delivered = threading.Event()  # a page has all of the finished picture
         self._over = False
         self._next_picture = 0.0
-        self._server = ThreadingHTTPServer((HOST, 0), _handler(self))
+        try:
+            self._server = ThreadingHTTPServer((HOST, 0), _handler(self))
+        except OSError as error:
+            reason = error.strerror or error
+            raise SceneError(f"no page can be served at {HOST}: {reason}") from None
         self._server.daemon_threads = True
         self._hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.port}/{self._token}/"

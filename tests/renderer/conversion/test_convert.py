@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 import sys
 
@@ -170,6 +171,40 @@ def test_textures_stand_the_right_way_up(glb):
     assert np.unravel_index(red.argmax(), red.shape)[0] < 8
     assert np.unravel_index(red.argmax(), red.shape)[1] < 8
     assert red[8:, 8:].max() < 0.5 * red.max()
+
+
+@pytest.mark.parametrize(("texel", "axis"), [((218, 128, 218), 0), ((128, 218, 218), 1)])
+def test_normal_maps_turn_to_the_right_side(tmp_path, texel, axis):
+    """Red turns normals along u, and green along v upwards: towards x and y here."""
+    trimesh = pytest.importorskip("trimesh")
+    pillow = pytest.importorskip("PIL.Image")
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    corners, uv = (
+        np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
+        np.zeros((4, 2)),
+    )
+    uv[:] = (corners[:, :2] + 1) / 2
+    quad = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+    normals = pillow.fromarray(np.full((2, 2, 3), texel, np.uint8))
+    material = PBRMaterial(normalTexture=normals, metallicFactor=0.0, roughnessFactor=1.0)
+    quad.visual = TextureVisuals(uv=uv, material=material)
+    (tmp_path / "quad.glb").write_bytes(trimesh.Scene(quad).export(file_type="glb"))
+    assert main(["quad.glb"]) == 0
+    text = (tmp_path / "quad.xml").read_text()
+    text = re.sub(r'<emitter type="constant">.*?</emitter>', "", text, flags=re.DOTALL)
+    brightest = []
+    for side in (1.0, -1.0):  # where the light comes from
+        direction = [0.0, 0.0, -1.0]
+        direction[axis] = -side
+        words = " ".join(map(str, direction))
+        lit = re.sub(
+            r'name="direction" value="[^"]*"', f'name="direction" value="{words}"', text
+        )
+        scene = renderer.load_string(lit, base_dir=tmp_path, width=16, height=12)
+        brightest.append(renderer.render(scene, 4).pixels.max())
+    assert brightest[0] > 0.4 and brightest[1] < 0.05
 
 
 def floor_seen_from_above(folder):

@@ -14,10 +14,12 @@ import pytest
 import renderer
 from renderer.command import watchers
 from renderer.command.cli import main
+from renderer.errors import SceneError
 from renderer.rendering.film.band import FinishedTiles
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import Picture
 from renderer.rendering.progress_display import Progress
+from renderer.rendering.watching import live_page
 from renderer.rendering.watching.live_page import LivePage
 
 SCENE = {
@@ -71,6 +73,15 @@ def test_it_listens_on_this_machine_alone(page):
         assert another.address != page.address and another.port != page.port
 
 
+def test_a_machine_without_a_port_is_one_line(monkeypatch):
+    def refuse(*_):
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(live_page, "ThreadingHTTPServer", refuse)
+    with pytest.raises(SceneError, match=r"no page can be served at .*: Operation"):
+        LivePage()
+
+
 @pytest.mark.parametrize(
     "path", ["/", "/state", "/wrong/", "/wrong/state", "//", "/%2e%2e/"]
 )
@@ -117,7 +128,7 @@ def picture_of(calls, value=1.0):
 
 
 def test_no_picture_is_developed_while_no_page_looks(page, monkeypatch):
-    monkeypatch.setattr("renderer.rendering.watching.live_page.EVERY", 0.0)
+    monkeypatch.setattr(live_page, "EVERY", 0.0)
     calls = []
     now = Progress("render", 5, 10, 2.0, picture=picture_of(calls))
     page(now)
@@ -136,7 +147,7 @@ def test_no_picture_is_developed_while_no_page_looks(page, monkeypatch):
     page._next_picture = 0.0
     page(now)
     assert calls == [1.0, 1.0]
-    monkeypatch.setattr("renderer.rendering.watching.live_page.LOOKS_FOR", 0.0)
+    monkeypatch.setattr(live_page, "LOOKS_FOR", 0.0)
     get(page, f"{root(page)}have/2")
     page._next_picture = 0.0
     page(now)
