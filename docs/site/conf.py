@@ -32,6 +32,7 @@ suppress_warnings = ["myst.header"]  # pages may skip a level of headings
 
 # -------------------------------------------------------------------------- reference
 
+smartquotes = False  # "--spp" has two hyphens
 default_role = "code"  # `x` in a docstring
 autodoc_typehints = "none"  # the docstrings have shapes and units
 autodoc_member_order = "bysource"

@@ -35,6 +35,7 @@ ELSEWHERE = {"README.md": "index.md", "scenes/README.md": "gallery.md"} | {
     document: f"{page}.md" for page, document in PAGES.items()
 }
 LINK = re.compile(r"(?<!!)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<target>[^)\s]+)\)")
+PAGE_NAME = re.compile(r"\bdocs/([\w/-]+)\.md\b")  # in docstrings
 
 logger = logging.getLogger(__name__)
 
@@ -157,17 +158,17 @@ def listed(path: Path, pages: set[str]) -> str:
     return f"<ul>{''.join(rows)}</ul>"
 
 
-def escape_bars(
+def mend_docstring(
     app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
 ) -> None:
-    """Make the bars of |cos| in a docstring plain text."""
-    lines[:] = [line.replace("|", r"\|") for line in lines]
+    """Make the bars of |cos| plain text, and the names of pages links."""
+    lines[:] = [PAGE_NAME.sub(r":doc:`\1`", line.replace("|", r"\|")) for line in lines]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to Sphinx."""
     app.connect("source-read", rewrite_links)
     app.connect("doctree-resolved", lead_to_pages)
-    app.connect("autodoc-process-docstring", escape_bars)
+    app.connect("autodoc-process-docstring", mend_docstring)
     app.connect("html-collect-pages", source_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -34,6 +34,7 @@ PLACEHOLDERS = {
     "A.exr": "a.exr",
     "B.exr": "b.exr",
     "MINE.exr": "mine.exr",
+    "../shared": "scenes",  # a folder that is there
 }
 COMMANDS = ("lightproof", "make", "pip", "python")
 PARSERS = {
