@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 import re
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import gettempdir
+from typing import Any
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))  # of this clone, whatever is installed
@@ -21,7 +23,9 @@ from reports.bench.rows import Run, Table  # noqa: E402
 from reports.bench.store import Store  # noqa: E402
 from reports.look.formatting import number  # noqa: E402
 from reports.pages.speed_accuracy_page import (  # noqa: E402
+    OURS,
     Efficiency,
+    Scene,
     efficiencies,
     noisy_scenes,
 )
@@ -29,6 +33,7 @@ from reports.pages.speed_accuracy_page import (  # noqa: E402
 PICTURE = ROOT / "docs" / "speed.svg"
 README = ROOT / "README.md"
 PAGE = ROOT / "docs" / "performance.md"
+NAMES = {"cycles": "Cycles", "luxcore": "LuxCore"}
 WIDTH, LEFT, RIGHT, ROW, TOP, BOTTOM = 760, 170, 60, 22, 18, 44
 
 
@@ -86,7 +91,7 @@ def draw(bars: list[Bar]) -> str:
     middle = (LEFT + WIDTH - RIGHT) / 2
     parts.append(
         f'<text class="tick" x="{middle:g}" y="{below + 34}">'
-        "times as fast as Mitsuba to the same error (95 % intervals)</text>"
+        "times as fast as the other programs to the same error (95 % intervals)</text>"
     )
     return "\n".join([*parts, "</svg>\n"])
 
@@ -109,16 +114,36 @@ def markdown_table(rows: list[Efficiency]) -> str:
     return "\n".join(lines)
 
 
+def other_programs(scenes: list[Scene]) -> str:
+    """Return the programs that the rows compare with, in words."""
+    found = {one.program for scene in scenes for one in scene.curves} - {OURS}
+    variants = sorted(name.split()[1] for name in found if name.startswith("mitsuba"))
+    names = [f"Mitsuba's {' and '.join(f'`{one}`' for one in reversed(variants))}"]
+    names += [NAMES[name] for name in sorted(found) if name in NAMES]
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+
+
 def circumstances(table: Table) -> str:
     """Return where and when the rows were measured, and how large the pictures are."""
     sizes = [str(row.value).split(" x ") for row in table.where(quantity="size")]
-    longer = sorted(max(map(int, size)) for size in sizes)
+    longer = [max(map(int, size)) for size in sizes]
     run = table.newest
     assert run is not None
+    scenes = noisy_scenes(table)
+    samples = {one.errors[-1].at for scene in scenes for one in scene.ours}
+    seeds = {row.value for row in table.where(quantity="seeds")}
     return (
-        f"Measured on {machine_of(run)}, commit {run.commit[:7]}, {run.created[:10]}. "
-        f"The longer side of a picture has {longer[0]} to {longer[-1]} pixels."
+        f"The other programs are {other_programs(scenes)}. Measured with {_span(seeds)} "
+        f"seeds at {_span(samples)} samples per pixel on {machine_of(run)}, commit "
+        f"{run.commit[:7]}, {run.created[:10]}. "
+        f"The longer side of a picture has {_span(longer)} pixels."
     )
+
+
+def _span(numbers: Iterable[Any]) -> str:
+    """Return a number, or the least and the largest."""
+    found = sorted({int(number) for number in numbers if number is not None})
+    return f"{found[0]}" if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
 def machine_of(run: Run) -> str:
@@ -127,13 +152,13 @@ def machine_of(run: Run) -> str:
     return f"{run.machine.get('cores')} cores ({name})"
 
 
-def sentence(best: Efficiency, run: Run) -> str:
+def sentence(best: Efficiency, run: Run, others: str) -> str:
     """Return what the README says about the speed."""
     low, high = map(number, best.interval)
     return (
         f"Over {best.scenes} scenes lightproof is {number(best.mean)} times as fast to the "
-        f"same error as the faster of Mitsuba's\n`scalar_rgb` and `llvm_ad_rgb` (geometric "
-        f"mean; 95 % interval {low} to {high}). The worst scene is\n"
+        f"same error as the fastest of\n{others} (geometric mean; "
+        f"95 % interval {low} to {high}).\nThe worst scene is "
         f"`{best.worst_scene}` with {number(best.worst)}. Measured on {machine_of(run)}, "
         f"{run.created[:10]}."
     )
@@ -155,20 +180,21 @@ def filled(text: str, name: str, content: str) -> str:
 
 def documents(table: Table) -> dict[Path, str]:
     """Return what the chart, the page and the README are with these rows."""
-    rows, run = efficiencies(noisy_scenes(table)), table.newest
+    scenes = noisy_scenes(table)
+    rows, run = efficiencies(scenes), table.newest
     assert run is not None
     readme, page = (path.read_text(encoding="utf-8") for path in (README, PAGE))
     shown = f"{markdown_table(rows)}\n\n{circumstances(table)}"
     return {
         PICTURE: draw(bars_of(table)),
         PAGE: filled(page, "speed-accuracy table", shown),
-        README: filled(readme, "speed", sentence(rows[0], run)),
+        README: filled(readme, "speed", sentence(rows[0], run, other_programs(scenes))),
     }
 
 
 _HEAD = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {0} {1}" \
 font-family="sans-serif" font-size="13">
-<title>How many times as fast as Mitsuba lightproof reaches the same error, by scene</title>
+<title>How many times as fast as other programs lightproof reaches the same error</title>
 <style>.name {{ text-anchor: end }} .tick {{ text-anchor: middle; fill: #555 }}
 .value {{ fill: #555 }} circle {{ fill: #1f6fb2 }}
 path {{ fill: none }} .interval {{ stroke: #1f6fb2; stroke-width: 2 }}

@@ -218,6 +218,36 @@ def outputs_of(words):
 
 
 @pytest.mark.slow
+def test_the_tutorial_for_engineers_finds_the_mistake_that_it_makes(tmp_path, monkeypatch):
+    """Its first two commands, at 48 x 48 pixels: the mistake is named first."""
+    monkeypatch.chdir(tmp_path)
+    Path("scenes").symlink_to(ROOT / "scenes")
+    page = (ROOT / "docs" / "tutorials" / "engineer.md").read_text(encoding="utf-8")
+    make, compare = (
+        Shown("", line) for line in re.findall(r"^lightproof .*$", page, re.M)[:2]
+    )
+    small = ["-D", "width=48", "-D", "height=48"]
+    subprocess.run(
+        [sys.executable, "-m", "renderer", *make.words[1:], *small, "--quiet"], check=True
+    )
+    compared = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "reports.compare_command",
+            *compare.words[2:],
+            *small,
+            "--quick",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert compared.returncode == 1, compared.stderr
+    assert "\n1. depth-limited: Paths are 2 segments long" in compared.stdout
+
+
+@pytest.mark.slow
 def test_the_frames_of_the_tutorial_have_the_error_that_they_claim():
     """docs/turntable.py at a small size and a large error: 20 %."""
     import renderer

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,6 +46,21 @@ def test_the_speed_is_told_with_one_number(table):
         text = " ".join(path.read_text(encoding="utf-8").split())
         told += re.findall(r"([\d.]+) times as fast to the same error", text)
     assert told and set(told) == {draw_speed.number(best.mean)}
+
+
+def test_other_programs_are_named_in_words():
+    """All that were measured, also in a single scene."""
+    programs = (
+        ("lightproof", "mitsuba scalar_rgb", "mitsuba llvm_ad_rgb"),
+        ("luxcore", "cycles"),
+    )
+    scenes = [
+        SimpleNamespace(curves=[SimpleNamespace(program=name) for name in names])
+        for names in programs
+    ]
+    mitsuba = "Mitsuba's `scalar_rgb` and `llvm_ad_rgb`"
+    assert draw_speed.other_programs(scenes[:1]) == mitsuba
+    assert draw_speed.other_programs(scenes) == f"{mitsuba}, Cycles and LuxCore"
 
 
 def test_marks_that_are_missing_are_said():
