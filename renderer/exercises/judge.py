@@ -4,10 +4,14 @@ The answers of the student, of the right functions and of every mistake are tabl
 same cases. A mistake explains a case if it gives the student's answer there. Its share
 counts the cases in which it or the student is wrong: a mistake that predicts failures which
 did not happen loses as much as one that misses failures which did.
+
+If no mistake gives the student's answers, the cases that fail may still tell which it is:
+a forgotten length of the direction, say, fails where that length is not 1.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import warnings
@@ -17,11 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from renderer.exercises.answers import agree, is_broken, plain, raised
+from renderer.exercises.answers import agree, distance, is_broken, plain, raised
 from renderer.exercises.exercise import RIGHT, Case, Exercise, Functions, Mistake, Variants
 
 NAMED = 0.9  # a mistake with this share is called the mistake
+BOTH = 0.95  # two at once need this share: there are many pairs
 PARTLY = 0.5  # and with this one probable
+MOST = 0.7  # of all cases: if more fail, which ones fail tells nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +38,9 @@ class Explanation:
     share: float  # in [0, 1]
     explained: int  # failures
     failures: int
+    overlap: float  # of the student's failures and those of the mistake, in [0, 1]
+    distance: float  # the largest of an estimate that agrees, in standard deviations
+    by_cases: bool = False  # named for where it fails, and not for the answers
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +57,18 @@ class Verdict:
     def named(self) -> Explanation | None:
         """The mistake, if one is known that explains at least half."""
         best = next(iter(self.explanations), None)
-        return best if best is not None and best.share >= PARTLY else None
+        if best is None or (self.constant and best.share < NAMED):
+            return None
+        return best if best.share >= PARTLY or best.by_cases else None
+
+    @property
+    def constant(self) -> bool:
+        """Whether the answer is wrong and the same in every case."""
+        return (
+            bool(self.failures)
+            and len(self.found) > 1
+            and all(agree(one, self.found[0], 0.0) for one in self.found)
+        )
 
 
 def answer(case: Case, functions: Functions) -> Any:
@@ -107,7 +127,11 @@ def _explanations(
     if tried[0].share < NAMED and not all(is_broken(one) for one in found):
         pairs = itertools.combinations(exercise.mistakes, 2)
         both = _tried(exercise, found, conventions, pairs)
-        tried = [*(one for one in both[:1] if one.share >= NAMED), *tried]
+        tried = [*(one for one in both[:1] if one.share >= BOTH), *tried]
+    if tried[0].share < PARTLY and tried[0].failures < MOST * len(found):
+        alike = [one for one in tried if one.overlap >= NAMED]
+        if len(alike) == 1:
+            tried = [dataclasses.replace(alike[0], by_cases=True), *tried]
     return tried
 
 
@@ -124,11 +148,15 @@ def _tried(
                 for convention in conventions
                 for forms in itertools.product(*(mistake.variants for mistake in one))
             ),
-            key=lambda explanation: explanation.share,
+            key=_order,
         )
         for one in candidates
     ]
-    return sorted(explanations, key=lambda one: -one.share)
+    return sorted(explanations, key=_order, reverse=True)
+
+
+def _order(one: Explanation) -> tuple[float, float]:
+    return one.share, -one.distance
 
 
 def _explanation(
@@ -147,7 +175,15 @@ def _explanation(
     else:
         predicted = list(answers_of(exercise, convention | forms))
     failures = set(_different(cases, found, right))
-    concerned = failures | set(_different(cases, predicted, right))
+    mistaken = set(_different(cases, predicted, right))
+    concerned = failures | mistaken
     unexplained = set(_different(cases, found, predicted)) & concerned
-    share = 1.0 - len(unexplained) / max(len(concerned), 1)
-    return Explanation(mistakes, share, len(failures - unexplained), len(failures))
+    count = max(len(concerned), 1)
+    return Explanation(
+        mistakes,
+        share=1.0 - len(unexplained) / count,
+        explained=len(failures - unexplained),
+        failures=len(failures),
+        overlap=len(failures & mistaken) / count,
+        distance=max((distance(found[k], predicted[k]) for k in concerned), default=0.0),
+    )
