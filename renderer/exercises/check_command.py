@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         place = given.file if error.line is None else f"{given.file}:{error.line}"
         return _refuse(f"{place}: {error}")
     except OSError as error:
-        return _refuse(f"{error.filename}: {error.strerror}")
+        return _refuse(f"{error.filename or 'output'}: {error.strerror}")
     return CORRECT if checked.status == "right" else WRONG
 
 

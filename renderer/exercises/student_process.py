@@ -58,7 +58,7 @@ def run_student(path: Path, exercise: Exercise, seconds: float, *, draw: bool) -
     path
         The student's file.
     exercise
-        What is asked.
+        The exercise of the file.
     seconds
         The most time that the file, all answers and the picture may take together.
     draw
@@ -194,7 +194,7 @@ def _serve(exercise: Exercise, path: Path, draw: bool, results: TextIO) -> None:
         return
     for case in exercise.questions():
         try:
-            found = plain(case.ask(functions))
+            found = plain(case.answer_of(functions))
         except (Exception, SystemExit) as error:
             found = raised(_text(error), line_of(error, path))
         write(answer=found)

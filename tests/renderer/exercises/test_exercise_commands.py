@@ -13,7 +13,7 @@ from student_solutions import TRIANGLE_MOELLER
 from renderer.exercises import check_command, exercise_command
 from renderer.exercises.registry import EXERCISES
 
-HEAD = 'import math\nimport numpy as np\nEXERCISE = "triangle"\n'
+HEAD = 'import math, os\nimport numpy as np\nEXERCISE = "triangle"\n'
 ROOT = Path(__file__).parents[3]
 
 
