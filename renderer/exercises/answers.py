@@ -73,6 +73,14 @@ def agree(a: Any, b: Any, tolerance: float) -> bool:
     return bool(a == b)
 
 
+def distance(a: Any, b: Any) -> float:
+    """Return how many standard deviations two estimates are apart; 0 of other answers."""
+    if isinstance(a, dict) and isinstance(b, dict) and "mean" in a and "mean" in b:
+        error = math.hypot(a["error"], b["error"])
+        return abs(a["mean"] - b["mean"]) / error if error > 0.0 else 0.0
+    return 0.0
+
+
 def shown(answer: Any) -> str:
     """Return an answer in words that fit on a line."""
     if answer is None:

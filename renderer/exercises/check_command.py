@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         place = given.file if error.line is None else f"{given.file}:{error.line}"
         return _refuse(f"{place}: {error}")
     except OSError as error:
-        return _refuse(f"{error.filename}: {error.strerror}")
+        return _refuse(f"{error.filename or 'output'}: {error.strerror}")
     return CORRECT if checked.status == "right" else WRONG
 
 
@@ -162,16 +162,19 @@ def _question(case: Case, exercise: Exercise, title: str) -> Iterator[str]:
 
 def _mistake(verdict: Verdict, exercise: Exercise) -> Iterator[str]:
     named = verdict.named
+    if named is None and verdict.constant:
+        yield "The answer is the same in every case."
+        return
     if named is None:
         yield f"None of the {len(exercise.mistakes)} known mistakes explains the failures."
         return
     probably = "" if named.share >= NAMED else "probably "
+    explains = f"explains {named.explained} of {named.failures} failures"
+    if named.by_cases:
+        explains = "it fails in the same cases, with other answers"
     several = len(named.mistakes) > 1
-    yield (
-        f"The mistake{'s are' if several else ' is'} {probably}"
-        f"{' and '.join(one.name for one in named.mistakes)} "
-        f"(explains {named.explained} of {named.failures} failures):"
-    )
+    names = " and ".join(one.name for one in named.mistakes)
+    yield f"The mistake{'s are' if several else ' is'} {probably}{names} ({explains}):"
     for one in named.mistakes:
         yield f"    {one.sentence} {one.advice}"
 

@@ -50,7 +50,7 @@ def mistakes_of(table: str) -> tuple[Mistake, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One question to the functions of an exercise."""
+    """A question to the functions of an exercise."""
 
     about: str  # completes "First failure: "
     function: str
@@ -60,7 +60,7 @@ class Case:
     read: Callable[[Any], Any] | None = None  # brings equivalent answers to one form
     tolerance: float = 1e-5  # relative
 
-    def ask(self, functions: Functions) -> Any:
+    def answer_of(self, functions: Functions) -> Any:
         """Return the answer of the functions, whose arguments are their own copies."""
         if self.measure is not None:
             return self.measure(functions)

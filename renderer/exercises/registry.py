@@ -6,11 +6,12 @@ from renderer.exercises.chapters import (
     boxes_and_grids,
     bsdf,
     bvh,
+    cosine_sampling,
     kd_tree,
     mirrors,
+    multiple_importance,
     path_tracing,
     rays,
-    sampling,
     shading,
     triangles,
 )
@@ -26,7 +27,8 @@ CHAPTERS = {
     ),
     "Mirrors and glass": mirrors.EXERCISES,
     "All light: Monte Carlo": (
-        *sampling.EXERCISES,
+        *cosine_sampling.EXERCISES,
+        *multiple_importance.EXERCISES,
         *path_tracing.EXERCISES,
         *bsdf.EXERCISES,
     ),

@@ -7,6 +7,8 @@ stopped is known, and what the student's file prints goes where it always does.
 from __future__ import annotations
 
 import contextlib
+import copy
+import dataclasses
 import faulthandler
 import io
 import json
@@ -58,7 +60,7 @@ def run_student(path: Path, exercise: Exercise, seconds: float, *, draw: bool) -
     path
         The student's file.
     exercise
-        What is asked.
+        The exercise of the file.
     seconds
         The most time that the file, all answers and the picture may take together.
     draw
@@ -193,8 +195,10 @@ def _serve(exercise: Exercise, path: Path, draw: bool, results: TextIO) -> None:
         write(refused=str(error), line=error.line)
         return
     for case in exercise.questions():
+        # a function that changes a list must not change it for other cases
+        own = dataclasses.replace(case, arguments=copy.deepcopy(case.arguments))
         try:
-            found = plain(case.ask(functions))
+            found = plain(own.answer_of(functions))
         except (Exception, SystemExit) as error:
             found = raised(_text(error), line_of(error, path))
         write(answer=found)

@@ -80,7 +80,8 @@ def intersect_box(
         if "any-slab" in variants:
             enter, leave = (a, b) if axis == 0 else (min(enter, a), max(leave, b))
         else:
-            enter, leave = max(enter, a), min(leave, b)
+            enter = a if "enter-replaced" in variants else max(enter, a)
+            leave = b if "exit-replaced" in variants else min(leave, b)
     if "inside-negative" in variants and leave < t_min:
         return None
     missed = enter >= leave if "flat-missed" in variants else enter > leave
@@ -177,6 +178,8 @@ BOX = Exercise(
         no-t-max: What lies behind the end of the ray counts. | Begin with t_exit = t_max.
         any-slab: The intervals are united. | Take the largest of the entries, and the
             smallest of the exits.
+        replaced (enter-replaced, exit-replaced): A slab replaces what the others gave. |
+            Keep the largest of the entries, and the smallest of the exits.
         two-axes: The box has no end along z. | There are three slabs.
         parallel-misses: A ray parallel to a face always misses. | It does not if its
             origin is between the two planes.
@@ -257,7 +260,7 @@ def walk_grid(
             t_delta[axis] = float(cell_size[axis]) / d
     cells = []
     for _ in range(3 * int(counts.sum())):
-        if np.any(cell < 0) or np.any(cell >= counts):
+        if np.any(cell < 0) or np.any(cell >= counts + ("up-to-resolution" in variants)):
             break
         cells.append(tuple(cell.tolist()))
         axis = int(np.argmax(t_next) if "farthest" in variants else np.argmin(t_next))
@@ -356,8 +359,8 @@ GRID = Exercise(
             before the step.
         no-last: The last cell is missing. | The ray leaves the grid when the cell's
             number is -1 or the resolution.
-        one-beyond: A cell outside of the grid is listed. | Test the cell's number before
-            it is listed.
+        one-beyond (one-beyond, up-to-resolution): A cell outside of the grid is listed. |
+            Test the cell's number before it is listed.
         """),
     cases=_grid_cases,
     picture=_grid_picture,

@@ -106,7 +106,7 @@ def closest_hit(
             if "near-only" in variants or passed or t_split > leave:
                 node = near
             elif t_split < enter and "below-first" not in variants:
-                node = far
+                node = [] if "far-alone-dropped" in variants else far
             else:
                 whole = "not-cut" in variants
                 stack.append((far, enter if whole else t_split, leave))
@@ -243,8 +243,8 @@ KD_TREE = Exercise(
     mistakes=mistakes_of("""
         below-first (below-first, below-order): The lower side of a plane is always
             visited first. | The near side is the one that holds the origin.
-        near-only: The far side is never visited. | Put it on the stack, with t_split to
-            t_exit.
+        near-only (near-only, far-alone-dropped): The far side is never visited. | Put it
+            on the stack, with t_split to t_exit.
         behind-plane: A plane behind the ray leads to the far side. | If t_split is
             negative, the ray stays on the near side.
         too-early (too-early, not-cut): The search ends at the first hit, although another

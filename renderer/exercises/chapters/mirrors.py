@@ -72,7 +72,9 @@ def refract(
     if squared < 0.0:
         if "reflects-instead" in variants:
             return reflect(d, n)
-        if "nan" not in variants and "clamped" not in variants:
+        if "along-surface" in variants:
+            return unit(d + cos_i * n)
+        if not variants & {"nan", "clamped"}:
             return None
     if "clamped" in variants:
         squared = max(squared, 0.0)
@@ -162,18 +164,20 @@ REFRACTION = Exercise(
             missing. | d - 2 dot(d, n) n.
         mirror-sign (plus): The mirrored ray goes into the surface. | d - 2 dot(d, n) n; d
             points towards the surface.
-        mirror-backwards (backwards): The mirrored ray goes the opposite way. | The formula
-            with 2 dot(d, n) n - d is for a vector that points away from the surface.
+        mirror-backwards (backwards): The mirrored ray goes the opposite way. | The
+            formula with 2 dot(d, n) n - d is for a vector that points away from the
+            surface.
         eta-inverted: eta is used upside down. | Here it is the index before the surface
             over that behind it; Snell's law is sin_t = eta sin_i.
-        total-reflection (nan, clamped, reflects-instead): Beyond the critical angle
-            something is returned. | Return None if 1 - eta^2 (1 - cos_i^2) is negative.
-        eta-not-squared: eta is not squared under the root. | cos_t^2 = 1 - sin_t^2 =
-            1 - eta^2 sin_i^2.
+        total-reflection (nan, clamped, along-surface, reflects-instead): Beyond the
+            critical angle something is returned. | Return None if 1 - eta^2 (1 - cos_i^2)
+            is negative.
+        eta-not-squared: eta is not squared under the root. | cos_t^2 = 1 - sin_t^2 = 1 -
+            eta^2 sin_i^2.
         cosine-sign: The cosine of the ray that arrives has the wrong sign. | d points
             towards the surface: cos_i = -dot(d, n).
-        normal-not-scaled: A part of the direction along the normal is missing. | eta d has
-            a part along n too: add eta cos_i n.
+        normal-not-scaled: A part of the direction along the normal is missing. | eta d
+            has a part along n too: add eta cos_i n.
         wrong-side: The refracted ray stays before the surface. | Subtract cos_t n.
         straight-on: The ray goes straight on. | Bend it by Snell's law.
         """),
@@ -270,9 +274,10 @@ FRESNEL = Exercise(
     mistakes=mistakes_of("""
         eta-inverted: eta is used upside down. | Here it is the index before the surface
             over that behind it.
-        no-total-reflection (no-total-reflection, total-is-zero): Beyond the critical angle
-            not all light is reflected. | Return 1 if sin_t would be above 1.
-        not-squared: The amplitudes are not squared. | Light is the square of an amplitude.
+        no-total-reflection (no-total-reflection, total-is-zero): Beyond the critical
+            angle not all light is reflected. | Return 1 if sin_t would be above 1.
+        not-squared: The amplitudes are not squared. | Light is the square of an
+            amplitude.
         one-polarization (only-s, only-p): Only one polarization counts. | Return the mean
             of both squares.
         not-halved: The polarizations are added. | Return their mean: half of the sum.

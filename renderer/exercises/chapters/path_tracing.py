@@ -117,7 +117,7 @@ def _scatter(
 ) -> tuple[Vector, float]:
     """Return a direction, and pi f cos / (albedo pdf)."""
     u1, angle = random(), 2.0 * math.pi * random()
-    uniform = variants & {"uniform-no-cosine", "uniform-pdf-cosine"}
+    uniform = variants & {"uniform-no-cosine", "uniform-pdf-cosine", "uniform-half"}
     z = 1.0 - u1 if uniform else math.sqrt(1.0 - u1)
     if "whole-sphere" in variants:
         z = 1.0 - 2.0 * u1
@@ -134,6 +134,8 @@ def _scatter(
         weight = 2.0 * z
     if "uniform-no-cosine" in variants:
         weight = 2.0
+    if "uniform-half" in variants:
+        weight = z
     if "over-pi" in variants:
         weight /= math.pi
     if "times-pi" in variants:
@@ -155,6 +157,20 @@ def _mean(
     )
     error = float(values.std()) / math.sqrt(len(values) - 1.0)
     return Estimate(float(values.mean()), error)
+
+
+def _leave_outwards(f: Functions, start: tuple[Vector, Vector]) -> bool:
+    room, random = PATH_CASES[0][1], np.random.default_rng(0).random
+    outwards = []
+
+    def closest_hit(origin: Vector, direction: Vector) -> Hit | None:
+        on_wall = float(origin @ origin) > 1.0 - 1e-6
+        outwards.append(not on_wall or float(direction @ origin) < 1e-9)
+        return room(origin, direction)
+
+    for _ in range(30):
+        f.path_radiance(start[0].copy(), start[1].copy(), closest_hit, random, 2)
+    return all(outwards)
 
 
 PATH_CASES = (  # on paper: L = e + a M_n, with M_n = mean(e) + mean(a) M_(n - 1), M_0 = 0
@@ -180,6 +196,11 @@ def _path_cases(random: Generator) -> Iterator[Case]:
             "path_radiance",
             measure=partial(_mean, room=room, start=down, bounces=bounces, count=count),
         )
+    yield Case(
+        "whether all rays leave a surface on the side of its normal",
+        "path_radiance",
+        measure=partial(_leave_outwards, start=down),
+    )
     away = (vector(0, 0, 0.3), vector(0, 0, 1))
     yield Case(
         "a ray that meets nothing",
@@ -188,17 +209,35 @@ def _path_cases(random: Generator) -> Iterator[Case]:
     )
 
 
+def _in_the_box(origin: Vector, direction: Vector) -> Hit:
+    """Return what a ray meets in a cube with a bright ceiling and a ball in it."""
+    o, d = origin.tolist(), direction.tolist()
+    walls = ((math.copysign(1.0, d[k]), k) for k in range(3) if d[k])
+    t, k = min(((side - o[k]) / d[k], k) for side, k in walls)
+    center, radius = (0.2, -0.55, 0.1), 0.45
+    from_center = [a - b for a, b in zip(o, center, strict=True)]
+    b = sum(x * y for x, y in zip(from_center, d, strict=True))
+    discriminant = b * b - sum(x * x for x in from_center) + radius * radius
+    if discriminant > 0.0 and 1e-4 < (near := -b - math.sqrt(discriminant)) < t:
+        x = origin + near * direction
+        return Hit(x, (x - center) / radius, 0.9, 0.0)
+    x = origin + t * direction
+    normal = np.zeros(3)
+    normal[k] = -math.copysign(1.0, d[k])
+    lamp = k == 1 and d[1] > 0.0
+    return Hit(x, normal, 0.3 if k == 0 and d[0] < 0.0 else 0.8, 1.0 if lamp else 0.0)
+
+
 def _path_picture(f: Functions) -> Vector:
-    """Draw the room: dark below, bright above, with light from above."""
-    room, random = Room((0.9, 0.5), (0.02, 0.6)), np.random.default_rng(11).random
-    eye = vector(0, -0.9, -0.1)
+    random = np.random.default_rng(11).random
+    eye = vector(0, 0, 0.98)
 
     def colour(x: float, y: float) -> Vector:
-        direction = unit(vector(x, 1.0, y))
-        paths = [f.path_radiance(eye, direction, room, random, 3) for _ in range(4)]
-        return np.full(3, math.sqrt(max(0.0, sum(paths) / 4.0)))
+        direction = unit(vector(x, y, -1.2))
+        paths = [f.path_radiance(eye, direction, _in_the_box, random, 3) for _ in range(10)]
+        return np.full(3, math.sqrt(max(0.0, sum(paths) / 10.0)))
 
-    return scan(colour, 32, 32)
+    return scan(colour, 28, 28)
 
 
 PATH = Exercise(
@@ -239,8 +278,9 @@ PATH = Exercise(
         extra-cosine (extra-cosine, extra-two-cosines): The cosine counts twice: in the
             density of directions, and as a factor. | With pdf = cos / pi it cancels; the
             factor 2 cos is that of equally likely directions.
-        missing-cosine (uniform-no-cosine, uniform-pdf-cosine): Directions are equally
-            likely, but the factor is not that for them. | f cos / pdf = 2 albedo cos.
+        other-pdf (uniform-no-cosine, uniform-pdf-cosine, uniform-half): The factor is not
+            the one of the directions, which are equally likely. | Their pdf is 1 / (2
+            pi), and so f cos / pdf = 2 albedo cos.
         pi (over-pi, times-pi): A factor of pi is wrong at each reflection. | f = albedo /
             pi, and pdf = cos / pi: pi cancels.
         around-z: Directions are chosen around the z axis. | Build a frame around the

@@ -138,16 +138,16 @@ NORMALS = Exercise(
     mistakes=mistakes_of("""
         not-unit (not-unit, unit-too-early): The normal does not have length 1. | Divide
             by the length last: mixing and transforming both change it.
-        corners-exchanged (132, 213, 231, 312, 321): The weights belong to other corners. |
-            The weights of p1, p2 and p3 are 1 - u - v, u and v.
+        corners-exchanged (132, 213, 231, 312, 321): The weights belong to other corners.
+            | The weights of p1, p2 and p3 are 1 - u - v, u and v.
         flat (first-corner, mean): The normal is the same at every place. | Mix the three
             normals with the weights 1 - u - v, u and v.
         as-direction: The normal is transformed as if it were a direction. | Use the
             transpose of the inverse of the matrix.
-        not-transposed: The inverse of the matrix is not transposed. | Use the transpose of
+        not-transposed: The inverse of the matrix is not transposed. | Use the transpose
+            of the inverse of the matrix.
+        not-inverted: The matrix is transposed, but not inverted. | Use the transpose of
             the inverse of the matrix.
-        not-inverted: The matrix is transposed, but not inverted. | Use the transpose of the
-            inverse of the matrix.
         not-transformed: The normal is that of the object. | Use `world_from_object`.
         """),
     cases=_normal_cases,
@@ -252,6 +252,8 @@ def direct_light(
         if "no-cosine" in variants:
             cosine = 1.0
         found += intensity / falloff * cosine
+        if "first-lit" in variants:
+            break
     return albedo * found if "no-pi" in variants else albedo / math.pi * found
 
 
@@ -342,8 +344,8 @@ POINT_LIGHT = Exercise(
     mistakes=mistakes_of("""
         no-falloff: The distance to the light does not matter. | Divide by the square of
             the distance.
-        linear-falloff: The light falls with the distance, and not with its square. | Divide
-            by the square of the distance; the cosine needs a vector of length 1.
+        linear-falloff: The light falls with the distance, and not with its square. |
+            Divide by the square of the distance; the cosine needs a vector of length 1.
         no-cosine: The angle of the light to the surface does not matter. | Multiply by
             dot(normal, wi).
         light-from-behind (negative-cosine, absolute-cosine): A light behind the surface
@@ -351,11 +353,12 @@ POINT_LIGHT = Exercise(
         no-shadow: Nothing casts a shadow. | Leave a light out if is_blocked(...).
         beyond-the-light: What lies behind the light casts a shadow. | The shadow ray ends
             at the light: t_max is the distance.
-        self-shadow: The surface lies in its own shadow. | The shadow ray begins at
-            t_min = 1e-4, and not at 0.
-        all-dark: One light that is blocked darkens the others. | Go on with the next light.
-        first-light: Only the first light counts. | Sum over all lights; return after the
-            loop.
+        self-shadow: The surface lies in its own shadow. | The shadow ray begins at t_min
+            = 1e-4, and not at 0.
+        all-dark: One light that is blocked darkens the others. | Go on with the next
+            light.
+        first-light (first-light, first-lit): Only the first light counts. | Sum over all
+            lights; return after the loop.
         no-pi: The result is pi times too large. | The BRDF is albedo / pi.
         four-pi: The intensity is divided by 4 pi. | An intensity is a power for each
             steradian already.

@@ -54,7 +54,9 @@ def intersect_triangle(
     p = cross(direction, e2)
     determinant = float(e1 @ p)
     smallest = 1e-3 if "large-epsilon" in variants else 0.0
-    facing = determinant if "culled" in variants else abs(determinant)
+    facing = abs(determinant)
+    if variants & {"culled-back", "culled-front"}:
+        facing = determinant if "culled-back" in variants else -determinant
     if facing <= smallest:
         if "division-raises" in variants:
             raise ZeroDivisionError
@@ -70,11 +72,17 @@ def intersect_triangle(
         float(scale * (s @ p)),
         float(scale * (direction @ q)),
     )
+    if "order-of-q" in variants:  # cross(e1, s)
+        t, v = -t, -v
+    if "sign-of-s" in variants:
+        t, u, v = -t, -u, -v
     if "distance" in variants:
         t *= math.sqrt(direction @ direction)
     outside = u < 0.0 or v < 0.0 or u + v > 1.0
     if "parallelogram" in variants:
         outside = u < 0.0 or v < 0.0 or u > 1.0 or v > 1.0
+    if "whole-plane" in variants:
+        outside = False
     if "no-lower-bounds" in variants:
         outside = u + v > 1.0
     if "u-v-exchanged" in variants:
@@ -168,9 +176,11 @@ TRIANGLE_MISTAKES = mistakes_of("""
             0, and smaller.
         no-parallel-test (division-raises, division-is-nan): A ray parallel to the
             triangle divides by 0. | Return None if the divisor is 0, before the division.
+        whole-plane: Every point of the triangle's plane counts. | Return None for points
+            outside of an edge.
         large-epsilon: Small triangles, or rays with a short direction, are missed. | The
             divisor has no scale: compare it with 0, or with something like 1e-15.
-    """)
+        """)
 
 MOELLER_TRUMBORE = Exercise(
     name="triangle",
@@ -194,18 +204,20 @@ MOELLER_TRUMBORE = Exercise(
     mistakes=(
         *TRIANGLE_MISTAKES,
         *mistakes_of("""
-        culled: One face of the triangle is not hit. | The determinant may be negative:
-            both faces count.
+        culled (culled-back, culled-front): One face of the triangle is not hit. | The
+            determinant may be negative: both faces count.
         parallelogram: The other half of the parallelogram is hit too. | The third edge is
             u + v <= 1, and not u <= 1 and v <= 1.
         no-lower-bounds: Points outside of the edges at p1 count. | Return None if u < 0
             or v < 0.
+        sign (order-of-q, sign-of-s): A vector or a cross product is turned round. | s is
+            origin - p1, and q is cross(s, e1), in this order.
         u-v-exchanged: u and v are exchanged. | u belongs to p2 and v to p3.
         not-divided: t, u and v are not divided by the determinant. | Cramer's rule is a
             quotient of determinants.
         distance: t is the distance, and not the parameter of the ray. | t counts lengths
             of `direction`, which need not be 1.
-    """),
+        """),
     ),
     cases=lambda random: triangle_cases(random, "intersect_triangle"),
     picture=_triangle_picture,
@@ -257,6 +269,8 @@ def intersect_barycentric(
     seen_from = vector(0, 0, 1) * normal if "projected" in variants else normal
     edges = ((p2, p3), (p3, p1), (p1, p2))
     areas = [float(cross(b - a, x - a) @ seen_from) for a, b in edges]
+    if "projected-miss" in variants and normal[2] == 0.0:
+        return None
     if "unsigned-areas" in variants:
         areas = [abs(area) for area in areas]
     whole = float(sum(areas))
@@ -266,6 +280,8 @@ def intersect_barycentric(
         whole = math.sqrt(normal @ normal)
     b1, b2, b3 = (float(np.float64(area) / whole) for area in areas)
     outside = min(b1, b2, b3) < 0.0
+    if "whole-plane" in variants:
+        outside = False
     if "sum-only" in variants:
         outside = b2 + b3 > 1.0
     for name in ("132", "213", "231", "312", "321"):
@@ -324,13 +340,13 @@ BARYCENTRIC = Exercise(
             are all twice an area: divide alike by alike.
         not-normalized: The weights do not have the sum 1. | Divide by dot(normal,
             normal), and not by the length of the normal.
-        projected: The triangle is seen from z, whatever its orientation. | Take the areas
-            in the plane of the triangle, or drop the axis along which the normal is
-            longest.
+        projected (projected, projected-miss): The triangle is seen from z, whatever its
+            orientation. | Take the areas in the plane of the triangle, or drop the axis
+            along which the normal is longest.
         sum-only: A weight may be negative. | Test all three weights.
         plane-sign: The plane is mirrored at the origin of the world. | t = dot(normal, p1
             - origin) / dot(normal, direction).
-    """),
+        """),
     ),
     cases=lambda random: triangle_cases(random, "intersect_barycentric"),
     picture=_barycentric_picture,

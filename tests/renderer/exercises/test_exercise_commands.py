@@ -13,7 +13,7 @@ from student_solutions import TRIANGLE_MOELLER
 from renderer.exercises import check_command, exercise_command
 from renderer.exercises.registry import EXERCISES
 
-HEAD = 'import math\nimport numpy as np\nEXERCISE = "triangle"\n'
+HEAD = 'import math, os\nimport numpy as np\nEXERCISE = "triangle"\n'
 ROOT = Path(__file__).parents[3]
 
 
@@ -96,6 +96,8 @@ def test_a_wrong_file_is_explained(capfd: Any) -> None:
     assert "    direction = [0, 0, 1]\n" in said
     assert "    expected: None\n    found:    [-3, 0.25, 0.25]\n" in said
     assert "The mistake is no-t-min (explains " in said
+    page = (ROOT / "docs" / "exercises.md").read_text(encoding="utf-8")
+    assert said.replace("mine.py", "triangle.py") in page
     record = json.loads(Path("verdict.json").read_text())
     assert (record["status"], record["exercise"]) == ("wrong", "triangle")
     assert record["mistakes"][0]["names"] == ["no-t-min"]
@@ -176,3 +178,24 @@ def test_help_states_the_statuses_and_imports_nothing_slow(word: str) -> None:
     modules = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "renderer.exercises.registry" in modules
     assert not modules & {"numba", "llvmlite", "scipy", "PIL", "OpenEXR", "rich"}
+
+
+@pytest.mark.parametrize("command", [check_command, exercise_command])
+def test_an_interrupt_ends_quietly(
+    capfd: Any, monkeypatch: pytest.MonkeyPatch, command: Any
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(check_command, "run_student", interrupted)
+    monkeypatch.setattr(exercise_command, "stub", interrupted)
+    Path("sphere.py").write_text(HEAD)
+    name = "sphere.py" if command is check_command else "camera"
+    assert command.main([name]) == 130
+    assert capfd.readouterr() == ("", "")
+
+
+def test_cases_do_not_depend_on_what_a_function_does_to_its_arguments(capfd: Any) -> None:
+    text = "def direct_light(x, n, albedo, lights, is_blocked):\n    x[:] = 0\n    {}"
+    first = checked(capfd, text.format("return 0.0\n"))
+    assert checked(capfd, text.format("lights.clear()\n    return 0.0\n")) == first

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from student_solutions import FAULTS, SOLUTIONS
+from student_faults import FAULTS, MORE_FAULTS
+from student_solutions import SOLUTIONS
 
 from renderer.exercises.answers import is_broken
 from renderer.exercises.exercise import RIGHT, Exercise, stub
@@ -103,16 +104,31 @@ def test_every_seeded_mistake_is_wrong_and_named_first(
     assert second.share < NAMED, second.mistakes
 
 
+def assert_named(source: str, right: str, wrong: str, expected: str) -> None:
+    """Judge a solution with one place replaced."""
+    assert right in source
+    function = source.split("(")[0].split()[-1]
+    exercise = next(one for one in ALL if function in {f.__name__ for f in one.functions})
+    verdict = verdict_on(source.replace(right, wrong), exercise)
+    assert verdict.failures
+    assert names(verdict) == expected
+
+
 @pytest.mark.parametrize(("source", "right", "wrong", "expected"), FAULTS)
 def test_a_students_own_mistake_is_named(
     source: str, right: str, wrong: str, expected: str
 ) -> None:
     """The mistakes are edits of solutions that are written otherwise than ours."""
-    assert right in source
-    function = source.split("(")[0].split()[-1]
-    exercise = next(one for one in ALL if function in {f.__name__ for f in one.functions})
-    verdict = verdict_on(source.replace(right, wrong), exercise)
-    assert names(verdict) == expected
+    assert_named(source, right, wrong, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("source", "right", "wrong", "expected"), MORE_FAULTS)
+def test_another_of_a_students_mistakes_is_named(
+    source: str, right: str, wrong: str, expected: str
+) -> None:
+    """Written before they were tried; the names found first are in docs/exercises.md."""
+    assert_named(source, right, wrong, expected)
 
 
 @every_exercise
