@@ -118,7 +118,8 @@ def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, A
                 name,
                 f"Paths are {other} segments long, where the scene says "
                 f"{'no limit' if depth < 0 else depth}.",
-                "max_depth counts the segments of a path, that from the camera included.",
+                "max_depth counts the segments of a path, that from the camera included. "
+                "Russian roulette without its compensation looks alike.",
                 replace(scene, integrator=replace(integrator, max_depth=other)),
             )
     camera = scene.camera

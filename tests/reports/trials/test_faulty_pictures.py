@@ -41,7 +41,9 @@ def test_there_are_enough(folder):
 
 @pytest.mark.parametrize("mutation", HOMEWORK, ids=lambda m: m.name)
 def test_homework_edits_fit_the_simple_renderer(mutation):
-    assert all(name.startswith("simple/") for name in mutated_files(mutation))
+    for name, text in mutated_files(mutation).items():
+        assert name.startswith("simple/")
+        compile(text, name, "exec")
 
 
 def test_a_right_picture_passes(reference, folder):
