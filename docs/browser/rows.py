@@ -6,6 +6,8 @@ In a browser `stand_ins` is imported first.
 from __future__ import annotations
 
 import dataclasses
+import random
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,15 @@ from renderer.simple.path_tracer import estimates
 from renderer.simple.scene import Scene
 
 state: dict[str, Any] = {}
+
+
+def numbers(pixel: int, sample: int, block: int) -> Sequence[float]:
+    """Return four random numbers; Python's generator starts faster than NumPy's.
+
+    In a browser the picture takes 0.7 times as long as with `numpy_numbers`.
+    """
+    draw = random.Random(pixel << 64 | sample << 40 | block).random
+    return draw(), draw(), draw(), draw()
 
 
 def begin(xml: str, size: int, integrator: str) -> None:
@@ -35,5 +46,5 @@ def row(y: int) -> bytes:
     camera = state["camera"]
     film = dataclasses.replace(camera.film, crop_offset_y=y, crop_height=1)
     one = dataclasses.replace(camera, film=film)
-    colours = [light for _, _, light in estimates(state["scene"], one, 1)]
+    colours = [light for _, _, light in estimates(state["scene"], one, 1, numbers)]
     return np.array(colours, np.float32).tobytes()

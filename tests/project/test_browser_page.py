@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import http.server
 import os
+import runpy
 import threading
 import zipfile
 from pathlib import Path
@@ -13,9 +14,6 @@ import numpy as np
 import pytest
 from headless_browser import PATIENCE, Browser, Page, find_browser
 from processes import run_python
-
-from renderer.scene_file import read_file
-from renderer.simple.path_tracer import render
 
 ROOT = Path(__file__).parents[2]
 ASSEMBLE = ROOT / "docs" / "browser" / "assemble.py"
@@ -47,8 +45,10 @@ def test_the_packed_sources_render_with_numpy_alone(tmp_path):
         "-c", WORKER, SCENE, folder=tmp_path / "home", environment=environment, check=True
     )
     pixels, imported = done.stdout.split("\n")
-    here = render(read_file(SCENE, width=6, height=6), 1).astype(np.float32)
-    assert pixels == here.tobytes().hex()
+    rows = runpy.run_path(str(ASSEMBLE.with_name("rows.py")))
+    rows["begin"](SCENE.read_text(encoding="utf-8"), 6, "")
+    assert pixels == "".join(rows["row"](y).hex() for y in range(6))
+    assert np.frombuffer(bytes.fromhex(pixels), np.float32).mean() > 0.05
     assert "renderer" in imported.split()
     assert not {"numba", "llvmlite", "OpenEXR", "PIL", "scipy"} & set(imported.split())
 
