@@ -182,7 +182,7 @@ class Hit:
 
 def first_met(
     unit: UnitShape,
-    inverse: Vector,
+    inverse: Any,
     a: Vector,
     p: Vector,
     d: Vector,

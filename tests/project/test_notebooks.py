@@ -43,7 +43,7 @@ def test_there_is_one_for_each_chapter():
 
 @each
 def test_a_notebook_is_kept_without_outputs(path):
-    """Outputs make a diff that nobody can read, and hold paths of the writer's machine."""
+    """Outputs make a diff unreadable, and hold paths of the writer's machine."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
     assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)
     ids = [cell["id"] for cell in notebook["cells"]]
