@@ -47,6 +47,7 @@ docs: $(DOCS_INSTALLED) ## refresh what pages take from the code, build the site
 	@$(BIN)/python docs/draw_speed.py
 	@$(BIN)/python docs/write_pages.py
 	@$(BIN)/sphinx-build -c docs/site -b html -E -n -W --keep-going -q docs build/site
+	@$(BIN)/python docs/browser/assemble.py build/site/browser $(if $(PYODIDE),--pyodide $(PYODIDE))
 	@echo 'The site: build/site/index.html'
 
 clean: ## remove what was made, except .venv and the caches in your home

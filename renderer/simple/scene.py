@@ -17,7 +17,7 @@ from renderer.simple.bsdfs import Bsdf
 from renderer.simple.camera import Vector
 from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.materials import BSDFS, NESTED
-from renderer.simple.shapes import UNIT_SHAPES, Hit, Surface
+from renderer.simple.shapes import UNIT_SHAPES, Group, Hit, Surface
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
@@ -60,6 +60,11 @@ class Scene:
         self.emitter_samples = settings.emitter_samples
         self.bsdf_samples = settings.bsdf_samples
         self.surfaces = [Surface(shape) for shape in description.shapes]
+        kinds = {type(shape): None for shape in description.shapes}
+        self.groups = [
+            Group([one for one in self.surfaces if type(one.shape) is kind])
+            for kind in kinds
+        ]
         order = light_order(description)
         numbered: dict[int, Light] = dict(
             zip(order.of_emitters, description.emitters, strict=True)
@@ -159,8 +164,8 @@ def _textures(record: Any) -> Iterator[Any]:
 def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> Hit | None:
     """Return the hit of smallest t > epsilon, by testing every surface (brute force)."""
     closest = None
-    for surface in scene.surfaces:
-        hit = surface.hit(p, d, near + EPSILON, far if closest is None else closest.t)
+    for group in scene.groups:
+        hit = group.hit(p, d, near + EPSILON, far if closest is None else closest.t)
         closest = hit or closest
     return closest
 
@@ -168,4 +173,4 @@ def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> 
 def visible(scene: Scene, p: Vector, d: Vector, distance: float) -> bool:
     """Return V: whether nothing is met on the way of a shadow ray."""
     far = distance * (1.0 - EPSILON)
-    return all(surface.hit(p, d, EPSILON, far) is None for surface in scene.surfaces)
+    return not any(group.blocks(p, d, EPSILON, far) for group in scene.groups)
