@@ -17,7 +17,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
+
+# no test is timed: on a busy machine an example took 425 ms of its 200
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 # before anything imports NumPy: two workers' threads for products of matrices would wait
 # for each other, at the price of as much time again

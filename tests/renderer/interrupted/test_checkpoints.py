@@ -485,7 +485,7 @@ def test_threads_structure_and_where_files_lie_may_differ(path, tmp_path):
     pictures = list(moved.rglob("*.png"))
     assert pictures
     for file in pictures:
-        shutil.copyfile(SCENES.parent / "docs" / "three-stages.png", file)
+        shutil.copyfile(SCENES / "bumps" / "textures" / "normals.png", file)
     repainted = renderer.load_file(moved / "scene.xml", width=32, height=32)
     with pytest.raises(SceneError, match="textures"):
         renderer.render(repainted, 50, sampler="independent", checkpoint=path, resume=True)
