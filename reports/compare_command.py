@@ -13,6 +13,7 @@ from mitsuba_ref.diagnosis.comparison import renderer_compare
 from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
+from renderer.command.built_in_scenes import FOLDER, demos
 from renderer.command.options import definition
 from renderer.errors import SceneError
 from renderer.rendering.render_options import parse_count, parse_number
@@ -76,10 +77,15 @@ def _parsed(words: list[str]) -> tuple[argparse.Namespace, list[Path]]:
     if "--" in words:
         cut = words.index("--")
         before, after = words[:cut], [Path(word) for word in words[cut + 1 :]]
+        if options := [word for word in words[cut + 1 :] if word.startswith("-")]:
+            parser.error(f"{options[0]}: options stand before the pictures and --")
         if not after:
             parser.error("-- stands before pictures of the reference, and none follows")
     given = parser.parse_args(before)
     if given.scene is None:
+        for name in ("spp", "define", "quick"):
+            if getattr(given, name):
+                parser.error(f"--{name.replace('define', 'D')} needs --scene")
         others = [*given.others, *after]
         if not others and len(given.pictures) == 2:
             others = [given.pictures.pop()]
@@ -91,6 +97,14 @@ def _parsed(words: list[str]) -> tuple[argparse.Namespace, list[Path]]:
     if given.others or after:
         parser.error("--scene renders the reference: leave out --with and --")
     return given, []
+
+
+def _scene(word: str) -> Path:
+    """Return the file of a scene; a name of `lightproof demo` is one too."""
+    path = Path(word)
+    if not path.exists() and word in demos():
+        return FOLDER / word / "scene.xml"
+    return path / "scene.xml" if path.is_dir() else path
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -111,7 +125,10 @@ def _parser() -> argparse.ArgumentParser:
         "pictures", nargs="+", type=Path, metavar="PICTURE", help=".exr .npy .hdr .pfm .png"
     )
     add(
-        "--scene", type=Path, metavar="SCENE.xml", help="render the reference of this scene"
+        "--scene",
+        type=_scene,
+        metavar="SCENE.xml",
+        help="render the reference of this scene, or of one of `lightproof demo`",
     )
     add(
         "--with",

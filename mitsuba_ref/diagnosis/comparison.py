@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.diagnosis.diagnose import diagnose
-from mitsuba_ref.diagnosis.difference import SMALLEST, brightness_for_neighbours, set_aside
+from mitsuba_ref.diagnosis.difference import (
+    FOR_TILES,
+    SMALLEST,
+    brightness_for_neighbours,
+    set_aside,
+)
 from mitsuba_ref.diagnosis.image_mistakes import (
     Evidence,
     Floats,
@@ -24,7 +30,7 @@ from mitsuba_ref.diagnosis.image_mistakes import (
     as_integers,
 )
 from mitsuba_ref.diagnosis.picture_files import WANTED, read_picture
-from mitsuba_ref.diagnosis.scene_reference import SEEDS, SceneReference, Show
+from mitsuba_ref.diagnosis.scene_reference import SceneReference, Show
 from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.our_renderer.picture import Array
 from renderer.errors import SceneError
@@ -32,9 +38,13 @@ from renderer.scene_file.description import SceneDescription
 
 WIDEST = 3.0  # [pixels] radius of the widest usual filter, of Lanczos
 BLIND = (
-    "From one picture the noise is estimated from neighbouring pixels: a bias that changes "
+    "From one picture the noise is estimated from neighbouring pixels. A bias that changes "
     "its sign from pixel to pixel, or that is in a few pixels alone, is not seen. Four or "
-    "more pictures with other seeds on both sides show it"
+    "more pictures on both sides show one that is in a single tile of 8 x 8 pixels"
+)
+SEEN_IN_TILES = (
+    "A bias that changes its sign within a tile of 8 x 8 pixels, or that is in a few "
+    "pixels of it, is not seen"
 )
 
 Picture = str | os.PathLike[str] | NDArray[Any]
@@ -104,6 +114,8 @@ def renderer_compare(
     """
     if (references is None) == (scene is None):
         raise SceneError("give references or a scene, and not both")
+    if filter_radius is not None and not 0.0 < filter_radius < math.inf:
+        raise SceneError(f"filter_radius: expected more than 0, found {filter_radius}")
     ours = _read(_listed(pictures))
     if scene is not None:
         path = Path(scene)
@@ -142,38 +154,45 @@ def _judged(
         aovs, shapes, sources = theirs.aovs, theirs.shapes, theirs.sources
     show("comparing")
     pixels = as_kept = theirs.pixels
-    if ours.levels:
-        as_kept = [as_integers(one, ours.levels) for one in pixels]
+    own = ours.pixels
+    for number, one in enumerate(pixels, 1):
+        _check_values(one, f"reference {number}")
+    of_files = [one.levels for one in (ours, theirs) if isinstance(one, _Pictures)]
+    if levels := min(filter(None, of_files), default=0):
+        own = [as_integers(one, levels) for one in own]
+        as_kept = [as_integers(one, levels) for one in pixels]
     aside, used = set_aside(pixels)
-    mine, mean = np.mean(ours.pixels, axis=0), np.mean(used, axis=0)
+    mine, mean = np.mean(own, axis=0), np.mean(used, axis=0)
     scale = brightness_for_neighbours(mine, mean, lag, aside)
-    evidence = Evidence(mine, mean, scale, aovs, shapes, aside, ours.levels)
-    diagnosis = diagnose(evidence, as_kept, lag, sources, ours.pixels)
-    trust = (BLIND,) if min(len(ours.pixels), len(pixels)) < SEEDS else ()
-    return Comparison(diagnosis, evidence, lag, (*notes, *trust))
+    evidence = Evidence(mine, mean, scale, aovs, shapes, aside, levels)
+    diagnosis = diagnose(evidence, as_kept, lag, sources, own)
+    several = min(len(own), len(pixels)) >= FOR_TILES
+    every = (*notes, SEEN_IN_TILES if several else BLIND)
+    return Comparison(diagnosis, evidence, lag, tuple(dict.fromkeys(every)))
 
 
 def _listed(pictures: Any) -> list[Picture]:
     """Return a list, also of one picture."""
     if isinstance(pictures, (str, os.PathLike)):
         return [pictures]
-    if isinstance(pictures, np.ndarray) and pictures.ndim < 4:
-        return [pictures]
-    return list(pictures)
+    if isinstance(pictures, (list, tuple, Iterator)):
+        return list(pictures)
+    pixels = np.asarray(pictures)
+    return list(pixels) if pixels.ndim == 4 else [pixels]
 
 
 def _read(pictures: Sequence[Picture]) -> _Pictures:
-    """Read pictures and check that all have one size."""
+    """Read pictures and check that they can be compared."""
     if not pictures:
         raise SceneError("there is no picture")
-    pixels, names, notes, levels = [], [], [], 0
+    pixels, names, notes, levels = [], [], [], []
     for number, one in enumerate(pictures, 1):
         if isinstance(one, (str, os.PathLike)):
             read = read_picture(Path(one))
             names.append(str(one))
             pixels.append(read.pixels)
             notes += [read.note] if read.note else []
-            levels = max(levels, read.levels)
+            levels += [read.levels] if read.levels else []
         else:
             names.append(f"array {number}")
             pixels.append(_array(one, names[-1]))
@@ -183,13 +202,28 @@ def _read(pictures: Sequence[Picture]) -> _Pictures:
                 f"{name} has {_size(values.shape)} pixels, {names[0]} "
                 f"{_size(pixels[0].shape)}; equal sizes are needed"
             )
-        if not (finite := np.isfinite(values).all(axis=2)).all():
-            y, x = np.argwhere(~finite)[0]
+        _check_values(values, name)
+    for (name, one), (other, two) in itertools.combinations(
+        zip(names, pixels, strict=True), 2
+    ):
+        if np.array_equal(one, two) and np.ptp(one) > 0.0:
             raise SceneError(
-                f"{name}: {np.sum(~finite)} pixels are NaN or infinite, the first at "
-                f"x = {x}, y = {y}; only finite ones can be compared"
+                f"{name} and {other} are the same picture; several of a side need "
+                "different seeds"
             )
-    return _Pictures(pixels, names, tuple(notes), levels)
+    return _Pictures(pixels, names, tuple(notes), min(levels, default=0))
+
+
+def _check_values(values: Floats, name: str) -> None:
+    """Refuse values that no picture has."""
+    good = (np.abs(values) <= np.finfo(np.float32).max).all(axis=2)
+    if not good.all():
+        y, x = np.argwhere(~good)[0]
+        raise SceneError(
+            f"{name}: NaN, infinite or above the largest float32 in {np.sum(~good)} of "
+            f"{good.size} pixels, the first at x = {x}, y = {y}; only finite values can be "
+            "compared"
+        )
 
 
 def _array(values: Any, name: str) -> Floats:
@@ -198,8 +232,8 @@ def _array(values: Any, name: str) -> Floats:
         found: Floats = np.asarray(values, np.float64)
     except (TypeError, ValueError):
         found = np.empty(())
-    if getattr(values, "dtype", np.dtype(float)).kind in "iub":
-        raise SceneError(f"{name} holds integers; {WANTED}")
+    if getattr(values, "dtype", np.dtype(float)).kind in "iubc":
+        raise SceneError(f"{name} holds {values.dtype}; {WANTED}")
     if found.ndim == 2:
         found = np.repeat(found[..., None], 3, axis=2)
     if found.ndim != 3 or found.shape[2] not in (1, 3, 4) or 0 in found.shape:

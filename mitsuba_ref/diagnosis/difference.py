@@ -112,7 +112,7 @@ def local_brightness(
     few are taken for noise: the Cornell box with its lamp cut off at 0.5 passed.
     """
     grey = (np.abs(reference) + np.abs(picture)).mean(axis=2) / 2.0
-    count = ring_sums(np.ones_like(grey), inner, outer)
+    count = np.maximum(ring_sums(np.ones_like(grey), inner, outer), 1.0)
     around = np.maximum(ring_sums(grey, inner, outer), 0.0) / count
     scale = around + (0.1 * float(grey.mean()) or 1.0)
     if aside is not None:
@@ -182,7 +182,7 @@ def compare(
         aside, used = set_aside(references)
     picture, reference = np.mean(pictures, axis=0), np.mean(used, axis=0)
     # not in units of a scale that is noisy too, see `local_brightness`
-    plain = (picture - reference) / (float(reference.mean()) or 1.0)
+    plain = (picture - reference) / (abs(float(reference.mean())) or 1.0)
     tests = [
         _mean_test(plain[..., c], f"mean of channel {c}") for c in range(plain.shape[2])
     ]
@@ -198,40 +198,46 @@ def compare(
         # as many on both sides: the noise of few samples is skewed, its difference is not
         found = tile_test(np.stack(pictures[:count]), np.stack(references[:count]))
         tests.append(Test(TILES, found.largest_t, found.p_value))
-    bias, error = _mean_and_error(plain.mean(axis=2))
-    critical = stats.norm.isf(FALSE_ALARMS / len(tests) / 2) + stats.norm.ppf(DETECTED)
+    of_channels = [_mean_and_error(plain[..., c])[1:] for c in range(plain.shape[2])]
+    error, degrees = max(of_channels)
+    critical = float(
+        stats.t.isf(FALSE_ALARMS / len(tests) / 2, degrees)
+        + stats.t.isf(1.0 - DETECTED, degrees)
+    )
     return Difference(
         tests=tuple(tests),
         p_value=min(1.0, len(tests) * min(test.p_value for test in tests)),
         size=math.sqrt(max(0.0, noise_free_square(near, lag))),
-        mean_bias=bias,
-        detectable=critical * error,
+        mean_bias=float(plain.mean()),
+        detectable=max(ROUNDING, critical * error),
     )
 
 
-def _blocks(r: Floats, side: int = BLOCK) -> Floats:
-    """Return the means of blocks, (H / side, W / side, C); the rest is left out."""
-    rows, columns = r.shape[0] // side, r.shape[1] // side
-    cut = r[: rows * side, : columns * side]
-    blocks: Floats = cut.reshape(rows, side, columns, side, -1).mean(axis=(1, 3))
-    return blocks
+def _mean_and_error(values: Floats) -> tuple[float, float, int]:
+    """Return the mean of (H, W), its standard error and the degrees of freedom.
 
-
-def _mean_and_error(values: Floats) -> tuple[float, float]:
-    """Return the mean of (H, W) and its standard error from the scatter of large blocks.
-
-    Their sides are two of `BLOCK`, so that what a filter lets them share weighs little. A
-    bias that differs from block to block raises the error: it errs on the safe side.
+    The error follows from the scatter of the sums of parts of about two `BLOCK`, so that
+    what a filter lets them share weighs little. They cover all pixels: where those at the
+    border are left out, noise that is there alone is in the mean and not in its error. A
+    bias that differs from part to part raises the error: it errs on the safe side.
     """
-    large = _blocks(_blocks(values[..., None]), 2).ravel()
-    return float(values.mean()), float(large.std(ddof=1) / math.sqrt(large.size))
+    side = 2 * BLOCK
+    rows, columns = (np.arange(0, n - n % side or n, side) for n in values.shape)
+
+    def sums(of: Floats) -> Floats:
+        return np.asarray(np.add.reduceat(np.add.reduceat(of, rows, 0), columns, 1))
+
+    mean = float(values.mean())
+    scatter = sums(values) - mean * sums(np.ones_like(values))
+    count = scatter.size
+    error = math.sqrt(count / (count - 1) * float(np.sum(scatter**2))) / values.size
+    return mean, error, count - 1
 
 
 def _mean_test(values: Floats, name: str) -> Test:
-    mean, error = _mean_and_error(values)
-    degrees = values.size // (2 * BLOCK) ** 2 - 1
+    mean, error, degrees = _mean_and_error(values)
     z = mean / error if error > 0.0 else math.copysign(math.inf, mean) if mean else 0.0
-    return Test(name, z, float(2.0 * stats.t.sf(abs(z), max(1, degrees))))
+    return Test(name, z, float(2.0 * stats.t.sf(abs(z), degrees)))
 
 
 def _product_tests(r: Floats, lag: int, inner: int, outer: int) -> Iterator[Test]:

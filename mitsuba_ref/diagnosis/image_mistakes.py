@@ -1,4 +1,4 @@
-"""Mistakes that a picture shows by itself: each makes a prediction from the reference.
+"""Mistakes that need no further render: each makes a prediction from the reference.
 
 A mistake is a function from the evidence to predictions, pictures that should look like the
 one in question if it has the mistake. Parameters (a factor, an exponent, a shift) are
@@ -100,6 +100,7 @@ FACTORS = {
     "1/3": 1.0 / 3.0,
 }
 NEAR = 0.02  # relative distance at which a fitted factor gets the name of a constant
+FARTHEST = 8.0  # [pixels] a shift; farther ones fit what is no shift
 TOLD = 0.003  # relative distance from 1 at which a factor is one
 
 
@@ -181,6 +182,27 @@ def _curves_of_integers(r: Floats) -> Iterator[Prediction]:
         yield Prediction(name, sentence, advice, linear_from_srgb(encoded))
 
 
+def plain(evidence: Evidence) -> Iterator[Prediction]:
+    """Predict one colour everywhere, black above all."""
+    colour = evidence.picture.mean(axis=(0, 1))
+    if np.ptp(evidence.picture) == 0.0 and not colour.any():
+        yield Prediction(
+            "black",
+            "The picture is black.",
+            "Look at the way from a ray's radiance to the file, and at the camera.",
+            np.zeros_like(evidence.reference),
+        )
+    else:
+        shown = ", ".join(f"{value:.3g}" for value in colour)
+        yield Prediction(
+            "one-colour",
+            f"The picture has one colour ({shown}) and nothing of the scene in it.",
+            "Look at the camera, and at what is written for a ray that meets nothing.",
+            np.broadcast_to(colour, evidence.reference.shape).copy(),
+            3,
+        )
+
+
 def factors(evidence: Evidence) -> Iterator[Prediction]:
     """Predict one factor for all pixels, and one for each channel."""
     r = evidence.reference
@@ -194,7 +216,7 @@ def factors(evidence: Evidence) -> Iterator[Prediction]:
             "the area or the power of a light.",
             FACTORS[named[0]] * r,
         )
-    elif abs(f - 1.0) > TOLD and f > 0.0:
+    if abs(f - 1.0) > TOLD and f > 0.0:
         yield Prediction(
             "exposure",
             f"All values are {f:.4g} times as large ({math.log2(f):+.3g} stops).",
@@ -281,7 +303,7 @@ def shifts(evidence: Evidence) -> Iterator[Prediction]:
         squares, min(grid, key=squares), method="Nelder-Mead", options={"maxiter": 60}
     )
     x, y = (round(2.0 * float(part)) / 2.0 for part in found.x)
-    if (x, y) == (0.0, 0.0):
+    if (x, y) == (0.0, 0.0) or max(abs(x), abs(y)) > FARTHEST:
         return
     half = "half-pixel-shift" if max(abs(x), abs(y)) == 0.5 else "shift"
     yield Prediction(
@@ -378,6 +400,7 @@ def materials(evidence: Evidence) -> Iterator[Prediction]:
 
 
 IMAGE_MISTAKES: tuple[Mistake, ...] = (
+    plain,
     transfer_curves,
     factors,
     channels,

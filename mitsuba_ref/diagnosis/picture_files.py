@@ -62,9 +62,9 @@ def read_picture(path: Path) -> PictureFile:
         return PictureFile(pixels)
     bits = 8 * image.texels.dtype.itemsize
     note = (
-        f"{path.name} has {bits} bits a channel: it was decoded by the curve of sRGB, and "
-        "the reference was cut off at 1 and rounded as it was; its noise should be that of "
-        "the reference, as cut-off noise has another mean"
+        f"Files of {bits} bits a channel are decoded by the curve of sRGB, and all other "
+        "pictures are cut off at 1 and rounded as these were; both sides should have about "
+        "the same noise, as cut-off noise has another mean"
     )
     return PictureFile(pixels, note, 2**bits - 1)
 
@@ -74,7 +74,11 @@ def _colours(path: Path, planes: dict[str, NDArray[np.generic]]) -> Floats:
 
     Layers come before a dot, as in `Combined.R`. Those without a layer go first.
     """
-    layers = sorted({name.rpartition(".")[0] for name in planes})  # "" comes first
+    # without a layer first, then the layer that Blender has all light in
+    layers = sorted(
+        {name.rpartition(".")[0] for name in planes},
+        key=lambda layer: (layer != "", not layer.endswith("Combined"), layer),
+    )
     for layer, names in itertools.product(layers, CHANNELS):
         full = [f"{layer}.{name}" if layer else name for name in names]
         if set(full) <= planes.keys():

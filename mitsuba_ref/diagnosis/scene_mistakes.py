@@ -105,7 +105,9 @@ def _own_mutations() -> tuple[Mutation, ...]:
 def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, Any]]:
     """Yield (name, sentence, advice, edited scene) of scenes that were read wrongly."""
     integrator, depth = scene.integrator, scene.integrator.max_depth
-    for other in range(1, DEEPEST + 1):
+    has_depth = integrator.name in ("path", "whitted")
+    depths = {*range(1, DEEPEST + 1), depth - 1, depth + 1} if has_depth else set()
+    for other in sorted(one for one in depths if one > 0):
         if other != depth and (other < depth or depth < 0 or other == depth + 1):
             name = (
                 "one-bounce-fewer"
@@ -116,9 +118,10 @@ def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, A
             )
             yield (
                 name,
-                f"Paths are {other} segments long, where the scene says "
+                f"Paths have {other} segment{'s' if other > 1 else ''}; the scene says "
                 f"{'no limit' if depth < 0 else depth}.",
-                "max_depth counts the segments of a path, that from the camera included. "
+                "max_depth counts the segments of a path, that from the camera included; "
+                "pbrt's maxdepth counts bounces and is one less. "
                 "Russian roulette without its compensation looks alike.",
                 replace(scene, integrator=replace(integrator, max_depth=other)),
             )
@@ -153,6 +156,17 @@ def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, A
             f"Light number {number + 1}, {type(emitter).__name__}, is missing.",
             "Look at how lights of this kind are read and sampled.",
             replace(scene, emitters=tuple(others)),
+        )
+    lamps = [
+        shape for shape in scene.shapes if getattr(shape, "radiance", None) is not None
+    ]
+    for lamp in lamps[:8]:
+        dark = [replace(one, radiance=None) if one is lamp else one for one in scene.shapes]
+        yield (
+            "light-missing",
+            f"The area light of shape {lamp.id or lamp.location} is missing.",
+            "Look at how area lights are read and sampled.",
+            replace(scene, shapes=tuple(dark)),
         )
 
 

@@ -9,6 +9,7 @@ from mitsuba_ref.diagnosis.diagnose import LIKELY, Diagnosis, Explanation
 from mitsuba_ref.diagnosis.difference import FALSE_ALARMS, Difference
 from mitsuba_ref.diagnosis.image_mistakes import Evidence
 
+HIDDEN = 0.1  # relative bias of the mean; if less is not seen, a verdict says little
 MOST_NAMED = 3  # mistakes in the sentences
 
 
@@ -58,17 +59,18 @@ class Comparison:
         if not found.differs:
             lines = [
                 "The pictures do not differ by more than noise.",
+                *self._doubt(),
                 f"A bias of {100 * found.detectable:.2g} % of the mean would have been "
                 "seen with a probability of 99 %.",
             ]
         else:
             lines = [
-                f"The pictures differ by more than noise (p = {found.p_value:.2g}): by "
+                f"The pictures differ by more than noise (p {self.shown_p}): by "
                 f"{100 * found.size:.3g} % of the local brightness, and in the mean by "
                 f"{100 * found.mean_bias:+.3g} %."
             ]
             for rank, one in enumerate(self.named, 1):
-                left = "nothing is left" if one.whole else "a difference is left"
+                left = "nothing but noise is left" if one.whole else "a difference is left"
                 lines.append(
                     f"{rank}. {one.prediction.name}: {one.prediction.sentence} It explains "
                     f"{100 * one.share:.3g} % of the difference; {left}."
@@ -78,9 +80,24 @@ class Comparison:
             if not self.named:
                 tried = len(self.diagnosis.tried)
                 lines.append(f"None of {tried} known mistakes explains half of it.")
-        rate = f"{FALSE_ALARMS:g}"
-        lines.append(f"Equal pictures are called different in {rate} of all cases.")
+        cases = f"{1.0 / FALSE_ALARMS:,.0f}"
+        lines.append(f"Equal pictures are called different in 1 of {cases} cases.")
         return [*lines, *(f"Note: {note}." for note in self.notes)]
+
+    @property
+    def shown_p(self) -> str:
+        """The probability that noise alone does this, in words after "p"."""
+        p = self.difference.p_value
+        return f"= {p:.2g}" if p > 1e-300 else "< 1e-300"
+
+    def _doubt(self) -> list[str]:
+        """Return a warning if noise hides what everyone would see."""
+        if self.difference.detectable < HIDDEN:
+            return []
+        return [
+            "But this says little: noise, perhaps of a few very bright pixels, hides "
+            "larger differences than usual. Use more samples."
+        ]
 
     def record(self) -> dict[str, Any]:
         """Return the verdict as plain values, for programs."""

@@ -7,14 +7,14 @@ import io
 import itertools
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from mitsuba_ref.diagnosis.difference import FALSE_ALARMS
-from mitsuba_ref.diagnosis.image_mistakes import Floats
+from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, as_integers
 from mitsuba_ref.diagnosis.verdict import Comparison
 from reports.look.pictures import (
     difference_colours,
@@ -42,12 +42,17 @@ class Place:
 
 def compare_page(found: Comparison, command: Sequence[str]) -> str:
     """Return a self-contained page as HTML."""
-    evidence = found.evidence
+    evidence = as_the_file_keeps(found.evidence)
     stops = exposure_stops(evidence.reference.astype(np.float32))
     difference = signed_difference(_f32(evidence.picture), _f32(evidence.reference))
     named = found.named
     first = named[0].prediction if named else None
-    left = signed_difference(_f32(evidence.picture), _f32(first.pixels)) if first else None
+    predicted = first and as_the_file_keeps(replace(evidence, reference=first.pixels))
+    left = (
+        signed_difference(_f32(evidence.picture), _f32(predicted.reference))
+        if predicted
+        else None
+    )
     scale = symmetric_scale(difference)
     height, width = difference.shape
 
@@ -68,14 +73,21 @@ def compare_page(found: Comparison, command: Sequence[str]) -> str:
         predicted=shown(first.pixels) if first else "",
         difference=_png(difference_colours(difference, scale)),
         left="" if left is None else _png(difference_colours(left, scale)),
-        places=places(found),
+        places=places(evidence),
         false_alarms=FALSE_ALARMS,
     )
 
 
-def places(found: Comparison) -> list[Place]:
+def as_the_file_keeps(evidence: Evidence) -> Evidence:
+    """Return the reference as a file of integers holds it, if the picture is one."""
+    if not evidence.levels:
+        return evidence
+    kept = as_integers(evidence.reference, evidence.levels)
+    return replace(evidence, reference=kept)
+
+
+def places(evidence: Evidence) -> list[Place]:
     """Return where the pictures differ most: shapes if they are known, else parts."""
-    evidence = found.evidence
     index = evidence.aovs.get("shape_index")
     height, width = evidence.picture.shape[:2]
     if index is None:
@@ -97,7 +109,8 @@ def places(found: Comparison) -> list[Place]:
     for number in np.unique(of):
         where = of == number
         below = float(theirs[where].sum())
-        ratio = float(mine[where].sum()) / below if below else np.inf
+        above = float(mine[where].sum())
+        ratio = above / below if below else np.inf if above else 1.0
         name = names.get(int(number), f"shape number {int(number)}")
         share = float(strength[where].sum()) / whole
         listed.append(Place(name, int(where.sum()), ratio, share))

@@ -91,8 +91,8 @@ def check(words):
         targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
         assert set(rest) <= {*targets, "help"}, f"no target of make: {rest}"
     elif program == "pip":
-        for name in re.findall(r"\[(.*?)\]", " ".join(rest)):
-            assert name in PROJECT["optional-dependencies"], f"no extra {name}"
+        for name in ",".join(re.findall(r"\[(.*?)\]", " ".join(rest))).split(","):
+            assert not name or name in PROJECT["optional-dependencies"], f"no extra {name}"
     elif program == "lightproof" and rest and rest[0] in WORDS:
         module = importlib.import_module(WORDS[rest[0]].partition(":")[0])
         if hasattr(module, "_parsed"):

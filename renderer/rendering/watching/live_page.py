@@ -18,6 +18,7 @@ import json
 import secrets
 import threading
 import time
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import TracebackType
@@ -248,6 +249,11 @@ def _handler(page: LivePage) -> type[BaseHTTPRequestHandler]:
         timeout = 20.0  # [s], so that no thread waits for ever for a silent connection
 
         def do_GET(self) -> None:
+            # a browser may close the page in the middle of an answer
+            with suppress(ConnectionError):
+                self._send()
+
+        def _send(self) -> None:
             found = page.answer(self.headers.get("Host", ""), self.path)
             kind, content = found or ("text/plain", b"")
             self.send_response_only(200 if found else 404)
