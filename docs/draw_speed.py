@@ -1,4 +1,4 @@
-"""Draw docs/speed.svg and write the numbers beside it, from the kept rows of the study.
+"""Draw docs/speed.svg and write its numbers, from the kept rows of the study.
 
 The rows are those of `python -m reports speed-accuracy` in reports/measured. `make docs`
 runs this file: it draws the chart, fills the table of docs/performance.md and the sentence

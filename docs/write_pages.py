@@ -1,7 +1,7 @@
-"""Write gallery.md and every-plugin.md from the scenes and from what the reader asks for.
+"""Write gallery.md and every-plugin.md from the scenes and from what the reader requests.
 
 `make docs` runs this file, and a test compares the pages. The parameters of a plugin are
-those that its reader asks for when it reads the files of scenes/ and tests/plugins.
+those that its reader requests when it reads the files of scenes/ and tests/plugins.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MORE: tuple[dict[str, Any], ...] = (  # plugins that none of these files names
 )
 
 Parameters = dict[str, tuple[str, str]]  # type and default, by the parameter's name
-Asked = dict[tuple[str, str], Parameters]  # by tag and plugin
+Requested = dict[tuple[str, str], Parameters]  # by tag and plugin
 Scenes = dict[tuple[str, str], list[str]]  # of `scenes/` that have it
 
 METHODS = {
@@ -140,12 +140,12 @@ SECTIONS = {
 
 def every_plugin() -> str:
     """Return the page of all plugins."""
-    asked, scenes = asked_parameters()
+    requested, scenes = requested_parameters()
     sections = []
     for tag, title in SECTIONS.items():
         sections.append(f"## {title}\n")
         for plugin in supported_plugins(tag):
-            found = asked.get((tag, plugin), CONSTANTS.get(plugin, {}))
+            found = requested.get((tag, plugin), CONSTANTS.get(plugin, {}))
             left_out = ANY_NAME.get(plugin, ())
             found = {name: row for name, row in found.items() if name not in left_out}
             seen = scenes.get((tag, plugin), [])
@@ -182,15 +182,15 @@ def _table(parameters: Parameters) -> Iterator[str]:
         yield f"| {shown} | {kind} | {default} |"
 
 
-def asked_parameters() -> tuple[Asked, Scenes]:
-    """Return what the readers of all plugins ask for in the files of `READ`, and where."""
-    asked: Asked = {}
+def requested_parameters() -> tuple[Requested, Scenes]:
+    """Return what the readers of all plugins request in the files of `READ`, and where."""
+    requested: Requested = {}
     scenes: Scenes = {}
     reading = ""  # the name of a scene of `scenes/`
 
     def note(properties: Properties, name: str, kind: str, default: object = None) -> None:
         element = properties.element
-        found = asked.setdefault((element.tag, element.plugin), {})
+        found = requested.setdefault((element.tag, element.plugin), {})
         before = found.get(name, (OTHERS.get(name, ""), ""))
         shown = "" if default is None else _shown(default)
         if kind == before[0] and shown != before[1]:
@@ -235,7 +235,7 @@ def asked_parameters() -> tuple[Asked, Scenes]:
     reading = ""
     for plugins in MORE:
         read_dict({"type": "scene", **PLAIN, **plugins})
-    return asked, scenes
+    return requested, scenes
 
 
 def _shown(default: object) -> str:

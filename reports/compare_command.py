@@ -10,64 +10,61 @@ from pathlib import Path
 
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.diagnosis.comparison import renderer_compare
-from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.command.built_in_scenes import FOLDER, demos
+from renderer.command.cli import scene_file
 from renderer.command.options import definition
 from renderer.errors import SceneError
+from renderer.process.short_command import INTERRUPTED, WRONG_USE, run_command
 from renderer.rendering.render_options import parse_count, parse_number
 from reports.pages.compare_page import compare_page
 
-SAME, DIFFERENT, WRONG_USE, INTERRUPTED = 0, 1, 2, 130
+SAME, DIFFERENT = 0, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare pictures; print the verdict; return the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     given, others = _parsed(words)
-    try:
-        for path in filter(None, (given.json, given.output)):
-            if not path.resolve().parent.is_dir():
-                raise SceneError(f"{path}: there is no such folder")
-        with shown_stages() as show:
-            found = renderer_compare(
-                given.pictures,
-                others or None,
-                scene=given.scene,
-                parameters=dict(given.define),
-                spp=given.spp,
-                reference=given.reference,
-                quick=given.quick,
-                filter_radius=given.filter_radius,
-                show=show,
-            )
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except (SceneError, MitsubaError) as error:
-        sys.stderr.write(f"lightproof compare: {error}\n")
-        return WRONG_USE
+    return run_command(
+        "lightproof compare",
+        lambda: _run(given, others, words),
+        (SceneError, MitsubaError),
+    )
+
+
+def _run(given: argparse.Namespace, others: list[Path], words: Sequence[str]) -> int:
+    for path in filter(None, (given.json, given.output)):
+        if not path.resolve().parent.is_dir():
+            raise SceneError(f"{path}: there is no such folder")
+    with shown_stages() as show:
+        found = renderer_compare(
+            given.pictures,
+            others or None,
+            scene=given.scene,
+            parameters=dict(given.define),
+            spp=given.spp,
+            reference=given.reference,
+            quick=given.quick,
+            filter_radius=given.filter_radius,
+            show=show,
+        )
     for line in found.sentences():
         sys.stdout.write(line + "\n")
-    return _written(given, found, words) or (DIFFERENT if found.differs else SAME)
-
-
-def _written(given: argparse.Namespace, found: Comparison, words: Sequence[str]) -> int:
-    """Write the files that were requested; return `WRONG_USE` if one cannot be."""
-    contents = {}
     if given.json:
-        contents[given.json] = json.dumps(found.record(), indent=1) + "\n"
+        _write(given.json, json.dumps(found.record(), indent=1) + "\n")
     if given.output:
-        contents[given.output] = compare_page(found, ["lightproof", "compare", *words])
-    for path, content in contents.items():
-        try:
-            write_atomically(path, content.encode())
-        except OSError as error:
-            sys.stderr.write(f"lightproof compare: {path}: {error.strerror}\n")
-            return WRONG_USE
-    if given.output:
+        _write(given.output, compare_page(found, ["lightproof", "compare", *words]))
         sys.stdout.write(f"The page: {given.output}\n")
-    return 0
+    return DIFFERENT if found.differs else SAME
+
+
+def _write(path: Path, content: str) -> None:
+    try:
+        write_atomically(path, content.encode())
+    except OSError as error:  # the file that it names is a temporary one
+        raise SceneError(f"{path}: {error.strerror}") from None
 
 
 def _parsed(words: list[str]) -> tuple[argparse.Namespace, list[Path]]:
@@ -103,8 +100,8 @@ def _scene(word: str) -> Path:
     """Return the file of a scene; a name of `lightproof demo` is one too."""
     path = Path(word)
     if not path.exists() and word in demos():
-        return FOLDER / word / "scene.xml"
-    return path / "scene.xml" if path.is_dir() else path
+        path = FOLDER / word
+    return scene_file(path)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -9,18 +9,19 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.diagnosis.diagnose import diagnose
+from mitsuba_ref.diagnosis.diagnose import Diagnosis, diagnose
 from mitsuba_ref.diagnosis.difference import (
     FOR_TILES,
     SMALLEST,
     brightness_for_neighbours,
+    compare,
     set_aside,
 )
 from mitsuba_ref.diagnosis.image_mistakes import (
@@ -34,7 +35,7 @@ from mitsuba_ref.diagnosis.scene_reference import SceneReference, Show
 from mitsuba_ref.diagnosis.verdict import Comparison
 from mitsuba_ref.our_renderer.picture import Array
 from renderer.errors import SceneError
-from renderer.scene_file.description import SceneDescription
+from renderer.scene_file.description import Film
 
 WIDEST = 3.0  # [pixels] radius of the widest usual filter, of Lanczos
 BLIND = (
@@ -58,6 +59,10 @@ class _Pictures:
     names: list[str]
     notes: tuple[str, ...] = ()
     levels: int = 0  # of integers, see `PictureFile`
+    # what only a scene tells
+    aovs: Mapping[str, Array] = field(default_factory=dict)
+    shapes: Mapping[int, str] = field(default_factory=dict)
+    sources: Sequence[Callable[[], list[Prediction]]] = ()
 
 
 def renderer_compare(
@@ -120,55 +125,52 @@ def renderer_compare(
     if scene is not None:
         path = Path(scene)
         known = SceneReference(path, parameters, spp, reference, quick, show)
-        return _judged(ours, known, show, filter_radius)
+        return _compared_with_scene(ours, known, filter_radius or 0.0)
     theirs = _read(_listed(references))
     _check_sizes(ours, theirs.pixels[0].shape, f"the reference {theirs.names[0]}")
-    return _judged(ours, theirs, show, filter_radius)
+    return _judged(ours, theirs, filter_radius or WIDEST, show)
 
 
 def compare_with_scene(
     pictures: Picture | Sequence[Picture], reference: SceneReference
 ) -> Comparison:
     """Compare as `renderer_compare` does, with a reference that serves several times."""
-    return _judged(_read(_listed(pictures)), reference, reference.show)
+    return _compared_with_scene(_read(_listed(pictures)), reference)
+
+
+def _compared_with_scene(
+    ours: _Pictures, reference: SceneReference, filter_radius: float = 0.0
+) -> Comparison:
+    film = reference.scene.camera.film
+    _check_film(ours, film, reference.path)
+    radius = max(filter_radius, film.rfilter.radius)
+    return _judged(ours, reference, radius, reference.show)
 
 
 def _judged(
-    ours: _Pictures,
-    theirs: _Pictures | SceneReference,
-    show: Show,
-    filter_radius: float | None = None,
+    ours: _Pictures, theirs: _Pictures | SceneReference, filter_radius: float, show: Show
 ) -> Comparison:
-    aovs: dict[str, Array] = {}
-    shapes: dict[int, str] = {}
-    sources: Sequence[Callable[[], list[Prediction]]] = ()
-    radius, notes = filter_radius or WIDEST, ours.notes
-    if isinstance(theirs, _Pictures):
-        notes += theirs.notes
-    else:
-        radius = max(filter_radius or 0.0, theirs.scene.camera.film.rfilter.radius)
-        _check_film(ours, theirs.scene, theirs.path)
-    lag = max(1, math.ceil(2.0 * radius - 1e-6))
+    lag = max(1, math.ceil(2.0 * filter_radius - 1e-6))
     _check_large_enough(ours, lag)
-    if not isinstance(theirs, _Pictures):
-        aovs, shapes, sources = theirs.aovs, theirs.shapes, theirs.sources
-    show("comparing")
-    pixels = as_kept = theirs.pixels
-    own = ours.pixels
+    own, pixels = ours.pixels, theirs.pixels
     for number, one in enumerate(pixels, 1):
         _check_values(one, f"reference {number}")
-    of_files = [one.levels for one in (ours, theirs) if isinstance(one, _Pictures)]
-    if levels := min(filter(None, of_files), default=0):
-        own = [as_integers(one, levels) for one in own]
-        as_kept = [as_integers(one, levels) for one in pixels]
+    show("comparing")
+    as_kept = pixels
+    if levels := min(filter(None, (ours.levels, theirs.levels)), default=0):
+        own, as_kept = ([as_integers(p, levels) for p in side] for side in (own, pixels))
+    difference = compare(own, as_kept, lag)
     aside, used = set_aside(pixels)
     mine, mean = np.mean(own, axis=0), np.mean(used, axis=0)
     scale = brightness_for_neighbours(mine, mean, lag, aside)
-    evidence = Evidence(mine, mean, scale, aovs, shapes, aside, levels)
-    diagnosis = diagnose(evidence, as_kept, lag, sources, own)
+    evidence = Evidence(mine, mean, scale, aside=aside, levels=levels)
+    diagnosis = Diagnosis(difference)
+    if difference.differs:
+        evidence = replace(evidence, aovs=theirs.aovs, shapes=theirs.shapes)
+        diagnosis = diagnose(difference, evidence, lag, theirs.sources)
     several = min(len(own), len(pixels)) >= FOR_TILES
-    every = (*notes, SEEN_IN_TILES if several else BLIND)
-    return Comparison(diagnosis, evidence, lag, tuple(dict.fromkeys(every)))
+    notes = *ours.notes, *theirs.notes, SEEN_IN_TILES if several else BLIND
+    return Comparison(diagnosis, evidence, lag, tuple(dict.fromkeys(notes)))
 
 
 def _listed(pictures: Any) -> list[Picture]:
@@ -257,9 +259,8 @@ def _check_sizes(ours: _Pictures, shape: Sequence[int], what: str, hint: str = "
         )
 
 
-def _check_film(ours: _Pictures, scene: SceneDescription, path: Path) -> None:
+def _check_film(ours: _Pictures, film: Film, path: Path) -> None:
     """Compare the size of pictures with the film's, before anything is rendered."""
-    film = scene.camera.film
     crop = (film.crop_height, film.crop_width)
     found = ours.pixels[0].shape[:2]
     if found == (film.height, film.width) != crop:

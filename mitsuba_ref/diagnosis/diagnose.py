@@ -7,7 +7,7 @@ neither. Each fitted number costs a little, as it explains a little of any diffe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from mitsuba_ref.diagnosis.difference import (
@@ -21,7 +21,6 @@ from mitsuba_ref.diagnosis.image_mistakes import (
     Evidence,
     Floats,
     Prediction,
-    as_integers,
 )
 
 PER_PARAMETER = 0.01  # share that a fitted number must explain to count
@@ -57,37 +56,40 @@ class Diagnosis:
     tried: tuple[str, ...] = ()
 
     @property
+    def named(self) -> list[Explanation]:
+        """The mistakes that explain at least `LIKELY`, each name once."""
+        first: dict[str, Explanation] = {}
+        for one in self.explanations:
+            if one.share >= LIKELY:
+                first.setdefault(one.prediction.name, one)
+        return list(first.values())
+
+    @property
     def names(self) -> list[str]:
-        """The names of the mistakes that explain at least `LIKELY`, each once."""
-        likely = [one for one in self.explanations if one.share >= LIKELY]
-        return list(dict.fromkeys(one.prediction.name for one in likely))
+        """Their names."""
+        return [one.prediction.name for one in self.named]
 
 
 def diagnose(
+    difference: Difference,
     evidence: Evidence,
-    references: Sequence[Floats],
     lag: int,
     slower: Iterable[Callable[[], Iterable[Prediction]]] = (),
-    pictures: Sequence[Floats] = (),
 ) -> Diagnosis:
-    """Judge a picture, and find the mistakes that explain its difference.
+    """Find the mistakes that explain a difference.
 
     Parameters
     ----------
+    difference
+        What the tests say of the picture.
     evidence
         The picture and what is known of the reference.
-    references
-        Reference pictures with independent seeds, that which is set aside included.
     lag
         As in `difference.compare`.
     slower
         Sources of further predictions, called in turn until one explains all.
-    pictures
-        Those that `evidence.picture` is the mean of, if they are several.
     """
-    difference = compare(pictures or [evidence.picture], references, lag)
-    if not difference.differs:
-        return Diagnosis(difference)
+    before = _square(evidence, evidence.reference, lag)
     found: list[Explanation] = []
     tried: list[str] = []
 
@@ -95,7 +97,7 @@ def diagnose(
         for prediction in predictions:
             tried.append(prediction.name)
             if prediction.pixels.shape == evidence.picture.shape:
-                found.append(_explained(evidence, prediction, lag))
+                found.append(_explained(evidence, prediction, lag, before))
 
     for mistake in IMAGE_MISTAKES:
         judge(mistake(evidence))
@@ -108,15 +110,17 @@ def diagnose(
     return Diagnosis(difference, tuple(ranked), tuple(dict.fromkeys(tried)))
 
 
-def _explained(evidence: Evidence, prediction: Prediction, lag: int) -> Explanation:
-    def kept(pixels: Floats) -> Floats:
-        return as_integers(pixels, evidence.levels) if evidence.levels else pixels
-
-    def square(pixels: Floats) -> float:
-        return noise_free_square(residuals(evidence.picture, pixels, evidence.scale), lag)
-
-    predicted = kept(prediction.pixels)
-    before, after = square(kept(evidence.reference)), max(0.0, square(predicted))
+def _explained(
+    evidence: Evidence, prediction: Prediction, lag: int, before: float
+) -> Explanation:
+    after = max(0.0, _square(evidence, prediction.pixels, lag))
     share = 1.0 - after / before if before > 0.0 else 0.0
+    predicted = evidence.as_kept(prediction.pixels)
     left = compare([evidence.picture], [predicted], lag, evidence.aside)
     return Explanation(prediction, share, not left.differs)
+
+
+def _square(evidence: Evidence, pixels: Floats, lag: int) -> float:
+    """Return the noise-free mean squared difference of the picture from another one."""
+    kept = evidence.as_kept(pixels)
+    return noise_free_square(residuals(evidence.picture, kept, evidence.scale), lag)

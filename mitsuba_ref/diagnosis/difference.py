@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, stats
 
+from mitsuba_ref.metrics.distances import tile_sums
 from mitsuba_ref.statistics.hypothesis_tests.welch import tile_test
 
 Floats = NDArray[np.float64]
@@ -183,9 +184,8 @@ def compare(
     picture, reference = np.mean(pictures, axis=0), np.mean(used, axis=0)
     # not in units of a scale that is noisy too, see `local_brightness`
     plain = (picture - reference) / (abs(float(reference.mean())) or 1.0)
-    tests = [
-        _mean_test(plain[..., c], f"mean of channel {c}") for c in range(plain.shape[2])
-    ]
+    means = [_mean_and_error(plain[..., c]) for c in range(plain.shape[2])]
+    tests = [_mean_test(*found, f"mean of channel {c}") for c, found in enumerate(means)]
     scale = brightness_for_neighbours(picture, reference, lag, aside)
     near = residuals(picture, reference, scale)
     tests += _product_tests(near, lag, lag, 2 * lag)
@@ -198,8 +198,7 @@ def compare(
         # as many on both sides: the noise of few samples is skewed, its difference is not
         found = tile_test(np.stack(pictures[:count]), np.stack(references[:count]))
         tests.append(Test(TILES, found.largest_t, found.p_value))
-    of_channels = [_mean_and_error(plain[..., c])[1:] for c in range(plain.shape[2])]
-    error, degrees = max(of_channels)
+    error, degrees = max(found[1:] for found in means)
     critical = float(
         stats.t.isf(FALSE_ALARMS / len(tests) / 2, degrees)
         + stats.t.isf(1.0 - DETECTED, degrees)
@@ -222,7 +221,7 @@ def _mean_and_error(values: Floats) -> tuple[float, float, int]:
     bias that differs from part to part raises the error: it errs on the safe side.
     """
     side = 2 * BLOCK
-    rows, columns = (np.arange(0, n - n % side or n, side) for n in values.shape)
+    rows, columns = (np.arange(0, n - n % side, side) for n in values.shape)
 
     def sums(of: Floats) -> Floats:
         return np.asarray(np.add.reduceat(np.add.reduceat(of, rows, 0), columns, 1))
@@ -234,8 +233,7 @@ def _mean_and_error(values: Floats) -> tuple[float, float, int]:
     return mean, error, count - 1
 
 
-def _mean_test(values: Floats, name: str) -> Test:
-    mean, error, degrees = _mean_and_error(values)
+def _mean_test(mean: float, error: float, degrees: int, name: str) -> Test:
     z = mean / error if error > 0.0 else math.copysign(math.inf, mean) if mean else 0.0
     return Test(name, z, float(2.0 * stats.t.sf(abs(z), degrees)))
 
@@ -268,16 +266,8 @@ def _product_test(r: Floats, lag: int, inner: int, outer: int, name: str) -> Tes
     if not variance > 0.0:
         return Test(name, 0.0, 1.0)
     z = total / math.sqrt(variance)
-    parts = np.maximum(_sums(variances, 2 * outer + 1), 0.0)
+    parts = np.maximum(tile_sums(variances, 2 * outer + 1), 0.0)
     degrees = float(np.sum(parts)) ** 3 / float(np.sum(parts**1.5)) ** 2
     chi_square = degrees + z * math.sqrt(2.0 * degrees)
     pixels = variance**2 / float(np.sum(variances**2))
     return Test(name, z, float(stats.f.sf(chi_square / degrees, degrees, pixels)))
-
-
-def _sums(values: Floats, side: int) -> Floats:
-    """Return the sums of squares of pixels; those at the border are smaller."""
-    rows, columns = (-(-n // side) for n in values.shape)
-    added = [(0, n * side - m) for n, m in zip((rows, columns), values.shape, strict=True)]
-    blocks = np.pad(values, added).reshape(rows, side, columns, side)
-    return np.asarray(blocks.sum(axis=(1, 3)))

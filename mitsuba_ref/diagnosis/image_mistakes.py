@@ -56,6 +56,10 @@ class Evidence:
     aside: Floats | None = None
     levels: int = 0
 
+    def as_kept(self, pixels: Floats) -> Floats:
+        """Return linear values as the file of the picture keeps them."""
+        return as_integers(pixels, self.levels) if self.levels else pixels
+
 
 @dataclass(frozen=True)
 class Prediction:

@@ -49,6 +49,10 @@ class SceneReference:
         If the scene or the program that renders it cannot be used.
     """
 
+    # what files may say, and a render does not: how they were read, and their integers
+    notes: tuple[str, ...] = ()
+    levels = 0
+
     def __init__(
         self,
         path: Path,

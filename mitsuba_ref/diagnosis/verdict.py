@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mitsuba_ref.diagnosis.diagnose import LIKELY, Diagnosis, Explanation
+from mitsuba_ref.diagnosis.diagnose import Diagnosis, Explanation
 from mitsuba_ref.diagnosis.difference import FALSE_ALARMS, Difference
 from mitsuba_ref.diagnosis.image_mistakes import Evidence
 
@@ -47,11 +47,7 @@ class Comparison:
     @property
     def named(self) -> list[Explanation]:
         """The likeliest mistakes, each name once; none if no known one explains half."""
-        first: dict[str, Explanation] = {}
-        for one in self.diagnosis.explanations:
-            if one.share >= LIKELY:
-                first.setdefault(one.prediction.name, one)
-        return list(first.values())[:MOST_NAMED]
+        return self.diagnosis.named[:MOST_NAMED]
 
     def sentences(self) -> list[str]:
         """Return the verdict in words, most important first."""

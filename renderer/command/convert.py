@@ -8,23 +8,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from renderer.errors import SceneError
+from renderer.process.short_command import INTERRUPTED, WRONG_USE, run_command
 from renderer.process.signals import output_is_lost
 
-DONE, REFUSED, WRONG_USE = 0, 1, 2
+DONE, REFUSED = 0, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Convert a model, list what was not carried over, and return the exit status."""
     given = _parser().parse_args(arguments)
     output = given.output or given.model.with_suffix(".xml")
-    try:
-        return _convert(given.model, output, up=given.up, force=given.force)
-    except (SceneError, OSError) as error:
-        said = (
-            f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else error
-        )
-        sys.stderr.write(f"lightproof convert: error: {said}\n")
-        return WRONG_USE
+    return run_command(
+        "lightproof convert: error",
+        lambda: _convert(given.model, output, up=given.up, force=given.force),
+    )
 
 
 def _convert(model: Path, output: Path, *, up: str | None, force: bool) -> int:
@@ -55,10 +52,11 @@ def _parser() -> argparse.ArgumentParser:
         description="Write a model (.glb, .gltf, .obj, .ply, .stl and what else trimesh "
         "reads) as a Mitsuba 3 scene. Meshes become PLY files and textures PNG files, in "
         "a folder next to the scene. A model without a camera gets one that frames it, and "
-        "a model without lights an even sky and a sun. What is not carried over is listed.",
+        "a model without lights an even sky and a sun. What is not carried over is listed. "
+        "Needs pip install 'lightproof[convert]'.",
         epilog=f"Exit status: {DONE} the scene is written and lightproof reads it, "
         f"{REFUSED} it is written and lightproof refuses it, {WRONG_USE} the model or the "
-        "command line is wrong. Needs pip install 'lightproof[convert]'. Example: "
+        f"command line is wrong, {INTERRUPTED} interrupted. Example: "
         "lightproof convert model.glb -o scene.xml",
     )
     add = parser.add_argument

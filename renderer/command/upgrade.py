@@ -9,24 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from renderer.errors import SceneError
+from renderer.process.short_command import INTERRUPTED, WRONG_USE, run_command
 from renderer.process.signals import output_is_lost
 from renderer.process.whole_file import write_whole
 
-DONE, NOT_ALL, WRONG_USE = 0, 1, 2
+DONE, NOT_ALL = 0, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Upgrade a file, list the changes, and return the exit status."""
     given = _parser().parse_args(arguments)
     output = given.output or given.scene.with_name(f"{given.scene.stem}_upgraded.xml")
-    try:
-        return _upgrade(given.scene, output, force=given.force, quiet=given.quiet)
-    except (SceneError, OSError) as error:
-        said = (
-            f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else error
-        )
-        sys.stderr.write(f"lightproof upgrade: error: {said}\n")
-        return WRONG_USE
+    return run_command(
+        "lightproof upgrade: error",
+        lambda: _upgrade(given.scene, output, force=given.force, quiet=given.quiet),
+    )
 
 
 def _upgrade(scene: Path, output: Path, *, force: bool, quiet: bool) -> int:
@@ -71,8 +68,8 @@ def _parser() -> argparse.ArgumentParser:
         "is, with the reason. Files that the scene includes are upgraded one by one.",
         epilog=f"Exit status: {DONE} all is upgraded and lightproof reads the result, "
         f"{NOT_ALL} the file is written and something is left to do by hand, {WRONG_USE} "
-        "a file or the command line is wrong. Example: lightproof upgrade old.xml "
-        "-o new.xml",
+        f"a file or the command line is wrong, {INTERRUPTED} interrupted. Example: "
+        "lightproof upgrade old.xml -o new.xml",
     )
     add = parser.add_argument
     add("scene", type=Path, metavar="OLD.xml", help="a scene file of version 0.4 to 0.6")

@@ -31,7 +31,7 @@ class Watcher(Protocol):
 def open_watchers(
     options: argparse.Namespace, interrupts: Interrupts
 ) -> Iterator[Sequence[Watcher]]:
-    """Give what `--view` and `--tev` ask for, and close it.
+    """Give what `--view` and `--tev` request, and close it.
 
     Raises
     ------

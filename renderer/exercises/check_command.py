@@ -10,16 +10,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from renderer.errors import printable
+from renderer.errors import SceneError, printable
 from renderer.exercises.answers import shown, shown_argument
 from renderer.exercises.exercise import Case, Exercise
 from renderer.exercises.judge import NAMED, Explanation, Verdict, judge
 from renderer.exercises.pictures import compared
 from renderer.exercises.registry import EXERCISES
 from renderer.exercises.student_process import Run, StudentFileError, run_student
+from renderer.process.short_command import INTERRUPTED, WRONG_USE, run_command
 from renderer.process.whole_file import write_whole
 
-CORRECT, WRONG, UNUSABLE, INTERRUPTED = 0, 1, 2, 130
+CORRECT, WRONG = 0, 1
 SECONDS = 60.0
 NOT_DONE = "NotImplementedError"
 
@@ -47,22 +48,22 @@ class Checked:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check a file; print the verdict; return the exit status."""
     given = _parser().parse_args(sys.argv[1:] if arguments is None else arguments)
+    return run_command("lightproof check", lambda: _run(given))
+
+
+def _run(given: argparse.Namespace) -> int:
     try:
         checked = check(given.file, given.time_limit, draw=not given.no_picture)
-        for line in sentences(checked):
-            sys.stdout.write(line + "\n")
-        if not given.no_picture:
-            _draw(checked)
-        if given.json:
-            text = json.dumps(as_record(checked), indent=1)
-            write_whole(given.json, f"{text}\n".encode())
-    except KeyboardInterrupt:
-        return INTERRUPTED
     except StudentFileError as error:
         place = given.file if error.line is None else f"{given.file}:{error.line}"
-        return _refuse(f"{place}: {error}")
-    except OSError as error:
-        return _refuse(f"{error.filename or 'output'}: {error.strerror}")
+        raise SceneError(f"{place}: {error}") from None
+    for line in sentences(checked):
+        sys.stdout.write(line + "\n")
+    if not given.no_picture:
+        _draw(checked)
+    if given.json:
+        text = json.dumps(as_record(checked), indent=1)
+        write_whole(given.json, f"{text}\n".encode())
     return CORRECT if checked.status == "right" else WRONG
 
 
@@ -228,11 +229,6 @@ def _explained(one: Explanation) -> dict[str, object]:
     }
 
 
-def _refuse(message: str) -> int:
-    sys.stderr.write(f"lightproof check: {printable(message)}\n")
-    return UNUSABLE
-
-
 def _seconds(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 86400.0:
@@ -248,7 +244,7 @@ def _parser() -> argparse.ArgumentParser:
         "first input where it fails, and name the mistake. The file runs in a process of "
         "its own.",
         epilog=f"Exit status: {CORRECT} right, {WRONG} wrong or not written yet, "
-        f"{UNUSABLE} the file or the command line cannot be used, {INTERRUPTED} "
+        f"{WRONG_USE} the file or the command line cannot be used, {INTERRUPTED} "
         "interrupted. "
         "Example: lightproof check triangle.py",
     )

@@ -8,36 +8,32 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from renderer.errors import printable
+from renderer.errors import SceneError
 from renderer.exercises.exercise import WIDTH, Exercise, stub
 from renderer.exercises.pictures import png
 from renderer.exercises.registry import CHAPTERS, EXERCISES
+from renderer.process.short_command import INTERRUPTED, WRONG_USE, run_command
 from renderer.process.whole_file import write_whole
 
-DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
+DONE = 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says; return the exit status."""
     given = _parser().parse_args(sys.argv[1:] if arguments is None else arguments)
-    try:
-        return _run(given)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except OSError as error:
-        return _refuse(f"{error.filename or 'output'}: {error.strerror}")
+    return run_command("lightproof exercise", lambda: _run(given))
 
 
 def _run(given: argparse.Namespace) -> int:
     if given.name is None:
         if given.output or given.hint is not None:
-            return _refuse("name an exercise, such as: lightproof exercise triangle")
+            raise SceneError("name an exercise, such as: lightproof exercise triangle")
         for line in listed():
             sys.stdout.write(line + "\n")
         return DONE
     exercise = EXERCISES.get(given.name)
     if exercise is None:
-        return _refuse(
+        raise SceneError(
             f"there is no exercise {given.name!r}; possible is: {', '.join(EXERCISES)}"
         )
     if given.hint is not None:
@@ -57,7 +53,7 @@ def listed() -> list[str]:
 def _hint(exercise: Exercise, number: int) -> int:
     count = len(exercise.hints)
     if not 1 <= number <= count:
-        return _refuse(f"{exercise.name} has hints 1 to {count}")
+        raise SceneError(f"{exercise.name} has hints 1 to {count}")
     text = f"Hint {number} of {count}: {exercise.hints[number - 1]}"
     sys.stdout.write(textwrap.fill(text, WIDTH) + "\n")
     if number < count:
@@ -70,9 +66,9 @@ def _write(exercise: Exercise, path: Path, force: bool) -> int:
     """Write the stub, and the picture to reach next to it."""
     goal = path.with_name(f"{path.stem}_goal.png")
     if path.suffix != ".py":
-        return _refuse(f"{path}: the name of a Python file ends in .py")
+        raise SceneError(f"{path}: the name of a Python file ends in .py")
     if path.exists() and not force:
-        return _refuse(f"{path} exists; --force replaces it")
+        raise SceneError(f"{path} exists; --force replaces it")
     write_whole(path, stub(exercise, path).encode())
     sys.stdout.write(f"wrote {path}: {exercise.summary}\n")
     if exercise.picture is not None:
@@ -80,11 +76,6 @@ def _write(exercise: Exercise, path: Path, force: bool) -> int:
         sys.stdout.write(f"wrote {goal}: the picture to reach\n")
     sys.stdout.write(f"When it is done:  lightproof check {path}\n")
     return DONE
-
-
-def _refuse(message: str) -> int:
-    sys.stderr.write(f"lightproof exercise: {printable(message)}\n")
-    return WRONG_USE
 
 
 def _parser() -> argparse.ArgumentParser:

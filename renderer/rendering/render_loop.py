@@ -5,7 +5,6 @@ It knows nothing of threads and clusters, which are sources of tiles.
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -140,9 +139,9 @@ class RenderLoop:
         if self._goal is not None:
             total, error = self._expected(self._goal)
         done, seconds = self._film.samples_done, time.perf_counter() - self._start
-        now = Progress("render", done, total, seconds, error, self._resumed)
+        note, picture = self._source.note, self._picture
         self._progress(
-            dataclasses.replace(now, cluster=self._source.note, picture=self._picture)
+            Progress("render", done, total, seconds, error, self._resumed, note, picture)
         )
 
     def _picture(self) -> Shown:

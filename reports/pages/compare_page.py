@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mitsuba_ref.diagnosis.difference import FALSE_ALARMS
-from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats, as_integers
+from mitsuba_ref.diagnosis.image_mistakes import Evidence, Floats
 from mitsuba_ref.diagnosis.verdict import Comparison
+from mitsuba_ref.metrics.distances import tile_means
 from reports.look.pictures import (
     difference_colours,
     exposure_stops,
@@ -26,6 +27,7 @@ from reports.look.pictures import (
 from reports.look.template import fill
 
 MOST_PLACES = 6  # shapes or parts of the picture in the table
+SIDE = 4  # [pixels] of squares whose means show a difference through noise
 PARTS = 4  # of a side of the picture, where no shapes are known
 LARGEST_SIDE = 1280  # [pixels]: a larger picture is shown smaller, to keep the page small
 
@@ -42,15 +44,15 @@ class Place:
 
 def compare_page(found: Comparison, command: Sequence[str]) -> str:
     """Return a self-contained page as HTML."""
-    evidence = as_the_file_keeps(found.evidence)
+    evidence = found.evidence
+    evidence = replace(evidence, reference=evidence.as_kept(evidence.reference))
     stops = exposure_stops(evidence.reference.astype(np.float32))
     difference = signed_difference(_f32(evidence.picture), _f32(evidence.reference))
     named = found.named
     first = named[0].prediction if named else None
-    predicted = first and as_the_file_keeps(replace(evidence, reference=first.pixels))
     left = (
-        signed_difference(_f32(evidence.picture), _f32(predicted.reference))
-        if predicted
+        signed_difference(_f32(evidence.picture), _f32(evidence.as_kept(first.pixels)))
+        if first
         else None
     )
     scale = symmetric_scale(difference)
@@ -78,14 +80,6 @@ def compare_page(found: Comparison, command: Sequence[str]) -> str:
     )
 
 
-def as_the_file_keeps(evidence: Evidence) -> Evidence:
-    """Return the reference as a file of integers holds it, if the picture is one."""
-    if not evidence.levels:
-        return evidence
-    kept = as_integers(evidence.reference, evidence.levels)
-    return replace(evidence, reference=kept)
-
-
 def places(evidence: Evidence) -> list[Place]:
     """Return where the pictures differ most: shapes if they are known, else parts."""
     index = evidence.aovs.get("shape_index")
@@ -103,7 +97,8 @@ def places(evidence: Evidence) -> list[Place]:
         names[0] = "the background"
     mine, theirs = (p.mean(axis=2) for p in (evidence.picture, evidence.reference))
     # noise cancels in a mean of neighbours, and a difference does not
-    strength = np.abs(_smooth(mine - theirs))
+    means = np.abs(tile_means((mine - theirs)[..., None], SIDE)[..., 0])
+    strength = means.repeat(SIDE, axis=0).repeat(SIDE, axis=1)[:height, :width]
     whole = float(strength.sum()) or 1.0
     listed = []
     for number in np.unique(of):
@@ -115,19 +110,6 @@ def places(evidence: Evidence) -> list[Place]:
         share = float(strength[where].sum()) / whole
         listed.append(Place(name, int(where.sum()), ratio, share))
     return sorted(listed, key=lambda one: one.share, reverse=True)[:MOST_PLACES]
-
-
-def _smooth(values: Floats, side: int = 4) -> Floats:
-    """Return the mean of the square of pixels around each pixel."""
-    rows, columns = (-(-n // side) for n in values.shape)
-    padded = np.pad(
-        values,
-        ((0, rows * side - values.shape[0]), (0, columns * side - values.shape[1])),
-        mode="edge",
-    )
-    means = padded.reshape(rows, side, columns, side).mean(axis=(1, 3))
-    large = np.repeat(np.repeat(means, side, axis=0), side, axis=1)
-    return large[: values.shape[0], : values.shape[1]]
 
 
 def _f32(pixels: Floats) -> NDArray[np.float32]:

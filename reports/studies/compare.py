@@ -10,8 +10,9 @@ or more come with a probability of 0.4 %.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache, partial
 from pathlib import Path
 
 from mitsuba_ref.diagnosis.comparison import compare_with_scene
@@ -37,27 +38,28 @@ NOISY = tuple(
 )
 
 
+Session = tuple[Path, Callable[[Path], SceneReference]]
+
+
 @contextmanager
-def references(cases: Sequence[str], bench: Bench) -> Iterator[dict[Path, SceneReference]]:
-    """Keep the references of a run, and the scene that is written for it."""
+def references(cases: Sequence[str], bench: Bench) -> Iterator[Session]:
+    """Give the folder of the scene that is written for a run, and its references."""
     with tempfile.TemporaryDirectory() as folder:
-        yield {room(Path(folder)): None}  # type: ignore[dict-item]
+        room(Path(folder))
+        yield (
+            Path(folder),
+            cache(partial(SceneReference, parameters=SIZE, quick=False, show=bench.show)),
+        )
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:
     """Yield the rank of each right name, or the number of false alarms."""
-    known: dict[Path, SceneReference] = bench.session
-    folder = next(iter(known)).parent
-
-    def reference(scene: Path) -> SceneReference:
-        if known.get(scene) is None:
-            known[scene] = SceneReference(scene, SIZE, quick=False, show=bench.show)
-        return known[scene]
-
+    session: Session = bench.session
+    folder, reference = session
     if case == RIGHT:
         for name in NOISY[:3] if bench.quick else NOISY:
             bench.show(name)
-            path = scene_path(folder)(name)
+            path = scene_path(folder, name)
             yield false_alarms(case, name, path, reference(path))
         return
     faulty = list(SOURCES[case](folder))
@@ -82,9 +84,8 @@ def ranked(case: str, picture: FaultyPicture, reference: SceneReference) -> Iter
     given = found.diagnosis.names
     right = {picture.name, *picture.also}
     places = [place for place, name in enumerate(given, 1) if name in right]
-    place = f"{picture.name}, {picture.scene.parent.name}"
-    if picture.scene.name == "room.xml":
-        place = f"{picture.name}, room"
+    scene = picture.scene
+    place = f"{picture.name}, {'room' if scene.stem == 'room' else scene.parent.name}"
     if not found.differs:
         # what changes nothing has no name
         yield Row(case=case, contender=place, quantity="no difference seen", value="yes")

@@ -15,6 +15,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from scipy import ndimage
 import renderer
 from mitsuba_ref.diagnosis.image_mistakes import Floats
 from mitsuba_ref.diagnosis.scene_mistakes import (
+    AlgorithmMistake,
     algorithm_mistakes,
     reading_mistakes,
     render_algorithm_mistake,
@@ -33,6 +35,7 @@ from mitsuba_ref.records.request import RenderRequest
 from renderer.rendering.picture.picture import srgb_from_linear
 from renderer.scene.scene import build_scene
 from renderer.scene_file import read_file_with
+from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.images.image import linear_from_srgb
 from reports.errors import ReportError
 from reports.trials.scene_files import SCENES, scene_file
@@ -138,51 +141,52 @@ ALGORITHMS = "cornell-box", "room", "textured-room", "whitted-spheres"
 
 def edited_pictures(folder: Path) -> Iterator[FaultyPicture]:
     """Yield pictures of three scenes that were edited after the render."""
-    for scene in map(scene_path(folder), EDITED):
+    for word in EDITED:
+        scene = scene_path(folder, word)
         for name, edit in EDITS.items():
             seed = SEED + zlib.crc32(f"{scene.parent.name} {name}".encode()) % 1000
+            yield FaultyPicture(name, scene, partial(edited_picture, scene, edit, seed))
 
-            def make(
-                scene: Path = scene,
-                edit: Callable[[Floats], Floats] = edit,
-                seed: int = seed,
-            ) -> Floats:
-                return np.asarray(edit(right_picture(scene, seed)), np.float64)
 
-            yield FaultyPicture(name, scene, make)
+def edited_picture(scene: Path, edit: Callable[[Floats], Floats], seed: int) -> Floats:
+    """Render a scene and edit its picture."""
+    return np.asarray(edit(right_picture(scene, seed)), np.float64)
 
 
 def misread_scenes(folder: Path) -> Iterator[FaultyPicture]:
     """Yield pictures of scenes that were read wrongly."""
-    for scene in map(scene_path(folder), MISREAD):
-        described = read_file_with(scene, SIZE)
-        for name, _, _, edited in reading_mistakes(described):
-
-            def make(edited: object = edited) -> Floats:
-                image = renderer.render(build_scene(edited), SPP, SEED)  # type: ignore[arg-type]
-                return np.asarray(image, np.float64)
-
+    for word in MISREAD:
+        scene = scene_path(folder, word)
+        for name, _, _, edited in reading_mistakes(read_file_with(scene, SIZE)):
             # one segment sees lamps alone, and point lights are none
             black = ("black",) if name == "depth-limited" else ()
-            yield FaultyPicture(name, scene, make, also=black)
+            yield FaultyPicture(name, scene, partial(misread_picture, edited), also=black)
+
+
+def misread_picture(edited: SceneDescription) -> Floats:
+    """Render a scene whose description was edited."""
+    return np.asarray(renderer.render(build_scene(edited), SPP, SEED), np.float64)
 
 
 def faulty_algorithms(folder: Path) -> Iterator[FaultyPicture]:
     """Yield pictures by kernels with a mistake, with other random numbers."""
-    for scene in map(scene_path(folder), ALGORITHMS):
+    for word in ALGORITHMS:
+        scene = scene_path(folder, word)
         # of point lights alone a factor of all values and one of light samples are one
-        same = {"brdf-without-pi": ("factor-pi",)} if scene.stem == "room" else {}
+        same = {"brdf-without-pi": ("factor-pi",)} if word == "room" else {}
         for mistake in algorithm_mistakes(read_file_with(scene, SIZE)):
-            request = RenderRequest(str(scene), dict(SIZE), spp=SPP, seed=SEED)
-
-            def make(mistake=mistake, request=request) -> Floats:  # type: ignore[no-untyped-def]
-                found = render_algorithm_mistake(mistake, request)
-                if found is None:
-                    raise ReportError(f"{mistake.name}: the kernels do not render")
-                return found.pixels
-
             also = same.get(mistake.name, ())
+            make = partial(faulty_picture, mistake, scene)
             yield FaultyPicture(mistake.name, scene, make, also=also)
+
+
+def faulty_picture(mistake: AlgorithmMistake, scene: Path) -> Floats:
+    """Render a scene with kernels that have a mistake."""
+    request = RenderRequest(str(scene), dict(SIZE), spp=SPP, seed=SEED)
+    found = render_algorithm_mistake(mistake, request)
+    if found is None:
+        raise ReportError(f"{mistake.name}: the kernels do not render")
+    return found.pixels
 
 
 def homework(folder: Path) -> Iterator[FaultyPicture]:
@@ -190,11 +194,8 @@ def homework(folder: Path) -> Iterator[FaultyPicture]:
     also = {"factor-1/2": ("light-choice-probability",), "clamped": ("samples-clamped",)}
     for mutation in HOMEWORK:
         name = mutation.name.partition("_")[0].replace("1-2", "1/2")
-        scene = scene_path(folder)(mutation.scene)
-
-        def make(mutation: Mutation = mutation, scene: Path = scene) -> Floats:
-            return simple_picture(mutation, scene)
-
+        scene = scene_path(folder, mutation.scene)
+        make = partial(simple_picture, mutation, scene)
         yield FaultyPicture(name, scene, make, also=also.get(name, ()))
 
 
@@ -213,9 +214,9 @@ def simple_picture(mutation: Mutation, scene: Path) -> Floats:
         return np.asarray(np.load(path), np.float64)
 
 
-def scene_path(folder: Path) -> Callable[[str], Path]:
-    """Return what finds the file of a scene by its name; "room" is in `folder`."""
-    return lambda name: folder / "room.xml" if name == "room" else scene_file(name)
+def scene_path(folder: Path, name: str) -> Path:
+    """Return the file of a scene by its name; "room" is in `folder`."""
+    return folder / "room.xml" if name == "room" else scene_file(name)
 
 
 SOURCES: dict[str, Callable[[Path], Iterator[FaultyPicture]]] = {

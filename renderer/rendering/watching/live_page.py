@@ -58,7 +58,7 @@ class Layer(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """What the page may ask for; replaced as a whole, never changed."""
+    """What the page may request; replaced as a whole, never changed."""
 
     version: int
     layers: tuple[Layer, ...]
