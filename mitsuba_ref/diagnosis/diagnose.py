@@ -24,7 +24,7 @@ from mitsuba_ref.diagnosis.image_mistakes import (
 )
 
 PER_PARAMETER = 0.01  # share that a fitted number must explain to count
-FOR_WHOLE = 0.05  # share that a prediction is ahead if what it leaves can be noise
+FOR_WHOLE = 0.05  # added to the rank of a prediction whose remainder can be noise
 LIKELY = 0.5  # a prediction that explains less is not named
 WHOLE = 0.97  # with more than this no further, slower mistakes are tried
 

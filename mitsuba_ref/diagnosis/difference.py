@@ -85,9 +85,9 @@ class Difference:
 
 
 def set_aside(references: Sequence[Floats]) -> tuple[Floats | None, Sequence[Floats]]:
-    """Return the reference that only scales differences, and those that make them.
+    """Split references: one for the scale of residuals alone, the others for their mean.
 
-    Of one or two references none can be spared.
+    The first is None if there are fewer than three.
     """
     if len(references) < 3:
         return None, references

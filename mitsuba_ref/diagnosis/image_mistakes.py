@@ -30,7 +30,7 @@ class Evidence:
     Parameters
     ----------
     picture
-        (H, W, 3), linear if the mistake is not that it is not.
+        (H, W, 3); linear, unless the mistake is a transfer curve.
     reference
         The mean of the reference pictures without `aside`, with the filter of the picture;
         not cut off as integers are.
@@ -105,7 +105,7 @@ FACTORS = {
 }
 NEAR = 0.02  # relative distance at which a fitted factor gets the name of a constant
 FARTHEST = 8.0  # [pixels] a shift; farther ones fit what is no shift
-TOLD = 0.003  # relative distance from 1 at which a factor is one
+TOLD = 0.003  # relative distance from 1 below which a factor is not reported
 
 
 def fitted_factor(evidence: Evidence, where: Floats | float = 1.0) -> float:
@@ -187,7 +187,7 @@ def _curves_of_integers(r: Floats) -> Iterator[Prediction]:
 
 
 def plain(evidence: Evidence) -> Iterator[Prediction]:
-    """Predict one colour everywhere, black above all."""
+    """Predict a picture of one colour, or a black one."""
     colour = evidence.picture.mean(axis=(0, 1))
     if np.ptp(evidence.picture) == 0.0 and not colour.any():
         yield Prediction(

@@ -55,7 +55,7 @@ class Comparison:
         if not found.differs:
             lines = [
                 "The pictures do not differ by more than noise.",
-                *self._doubt(),
+                *filter(None, [self.doubt]),
                 f"A bias of {100 * found.detectable:.2g} % of the mean would have been "
                 "seen with a probability of 99 %.",
             ]
@@ -86,14 +86,15 @@ class Comparison:
         p = self.difference.p_value
         return f"= {p:.2g}" if p > 1e-300 else "< 1e-300"
 
-    def _doubt(self) -> list[str]:
-        """Return a warning if noise hides what everyone would see."""
-        if self.difference.detectable < HIDDEN:
-            return []
-        return [
+    @property
+    def doubt(self) -> str:
+        """A warning if the pictures may differ much and noise hides it; else empty."""
+        if self.differs or self.difference.detectable < HIDDEN:
+            return ""
+        return (
             "But this says little: noise, perhaps of a few very bright pixels, hides "
             "larger differences than usual. Use more samples."
-        ]
+        )
 
     def record(self) -> dict[str, Any]:
         """Return the verdict as plain values, for programs."""

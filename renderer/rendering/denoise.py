@@ -53,7 +53,7 @@ def guides_of(scene: Scene) -> Scene:
 def denoised(image: Image, guides: Image) -> Image:
     """Return a picture with other colours; `guides` is of `guides_of` its scene.
 
-    What is no number stays so, that it be seen.
+    Pixels that are not finite stay as they are, so that they are seen.
     """
     finite = np.isfinite(image.pixels).all(axis=2, keepdims=True)
     pixels = _library().denoise(

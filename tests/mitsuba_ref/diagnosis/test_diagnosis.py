@@ -30,6 +30,7 @@ from renderer.rendering.picture.picture import srgb_from_linear
 from renderer.scene_file import read_file, read_string
 from renderer.scene_file.images.image import SRGB_FROM_XYZ
 from reports import compare_command
+from reports.pages.compare_page import compare_page
 from reports.trials.faulty_pictures import EDITS
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -468,6 +469,7 @@ def test_very_bright_pixels_that_hide_a_factor_are_told(truth):
     wrong[3, 3] = 1e5
     found = renderer_compare(wrong, [noisy(truth, k) for k in range(2, 6)])
     assert found.differs or "this says little" in found.sentences()[1]
+    assert found.differs or "this says little" in compare_page(found, ["command"])
 
 
 def test_a_missing_area_light_is_among_the_mistakes():
