@@ -1,4 +1,7 @@
-"""The stages of `trace_paths` one by one, callable from Python, for `step_by_step`."""
+"""The stages of `trace_paths` one by one, callable from Python.
+
+`step_by_step` reads the work arrays between them; a study times them.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +15,36 @@ from renderer.integrators.stages.direct_light import (
     sample_lights,
 )
 from renderer.integrators.stages.emission import add_emitted_light
+from renderer.integrators.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.integrators.stages.intersect import intersect, reset_hits, trace_shadow_rays
-from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.materials import (
+    group_by_bsdf,
+    list_by_bsdf,
+    prepare_bsdfs,
+)
 from renderer.integrators.stages.scatter import scatter
 from renderer.integrators.stages.surface import append_hits, surface_points
 from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records.batch import has_places
 from renderer.kernels.records.kernel_scene import ANY
 
 
 @entry_kernel
-def camera_ray_step(scene, tile, sample, work):
-    """Put the camera rays of a tile into `work.rays`; return how many."""
-    return camera_rays(scene, tile, sample, work)
+def places_step(tile):
+    """Return whether the tile's square has a pixel."""
+    return has_places(tile)
 
 
 @entry_kernel
-def first_hit_step(scene, work, count):
-    """Intersect the first `count` rays as camera rays."""
-    none = np.int64(0)
-    intersect(scene.camera_groups, work.rays, work.hits, none, count, True, None)
+def camera_ray_step(scene, tile, sample, work, first):
+    """Append the camera rays of a tile to `first` rays; return how many there are then."""
+    return camera_rays(scene, tile, sample, work, first)
+
+
+@entry_kernel
+def first_hit_step(scene, work, first, count):
+    """Intersect `count` rays from `first` on as camera rays."""
+    intersect(scene.camera_groups, work.rays, work.hits, first, count, True, None)
 
 
 @entry_kernel
@@ -70,6 +84,19 @@ def group_step(scene, work, count):
 
 
 @entry_kernel
+def list_step(scene, work, count):
+    """Do the first half of `group_step`: find the surfaces."""
+    list_by_bsdf(scene, work, np.int64(0), count)
+
+
+@entry_kernel
+def prepare_step(scene, work):
+    """Do the second half of `group_step`; return how many points have a smooth BSDF."""
+    prepare_bsdfs(scene, work)
+    return work.ends[scene.bsdfs.smooth]
+
+
+@entry_kernel
 def light_count(scene):
     """Return how many lights are sampled at each point."""
     return lights_asked(scene.lights, scene.settings)
@@ -88,6 +115,33 @@ def shadow_ray_step(scene, bounce, work):
     coherent = bounce == 0
     trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
     return cast
+
+
+@entry_kernel
+def reflect_step(scene, work):
+    """Do the first half of `shadow_ray_step`: return how many rays there are."""
+    return cast_shadow_rays(scene, work)
+
+
+@entry_kernel
+def visibility_step(scene, bounce, work, cast):
+    """Do the second half of `shadow_ray_step`."""
+    coherent = bounce == 0
+    trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
+
+
+@entry_kernel
+def clear_step(tile, work):
+    """Set the light of a tile's slots to zero."""
+    clear(work.radiance, tile.level)
+
+
+@entry_kernel
+def film_step(rfilter, tile, work, sums, border):
+    """Add the samples of a tile to its sums."""
+    open_sums(rfilter, sums, work.splats)
+    add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
+    close_sums(rfilter, sums, work.splats)
 
 
 @entry_kernel

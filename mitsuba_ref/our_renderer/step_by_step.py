@@ -140,7 +140,7 @@ class StepByStep:
         scene, work, packed = self._scene, self._work, self._packed_work
         settings = self._record.settings
         work.radiance[:] = 0.0
-        count = stages.camera_ray_step(scene, tile, sample, packed)
+        count = stages.camera_ray_step(scene, tile, sample, packed, 0)
         origin, direction = _column(work.rays.origin), _column(work.rays.direction)
         self._lead(along, 0)
         self._move(moved, 0)
@@ -150,7 +150,7 @@ class StepByStep:
         drawn = self._drawn.of_film(tile)
         bounces: list[Bounce] = []
         if settings.max_depth > 0:
-            stages.first_hit_step(scene, packed, count)
+            stages.first_hit_step(scene, packed, 0, count)
         while count > 0 and len(bounces) < min(settings.max_depth, last):
             bounce = self._bounce(tile, sample, np.int64(len(bounces)), moved, along)
             bounces.append(bounce)

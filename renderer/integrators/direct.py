@@ -56,7 +56,7 @@ def _points(scene, work, count, samples):
 def trace_several(scene, tile, sample, work):
     """Add the samples of a tile's square to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
-    count = camera_rays(scene, tile, sample, work)
+    count = camera_rays(scene, tile, sample, work, np.int64(0))
     if settings.max_depth < 1:
         return
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)

@@ -19,7 +19,7 @@ from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter
 from renderer.integrators.stages.straight_through import drop_transparent, keep_marks
 from renderer.kernels.jit import call, kernel, method_kernel
-from renderer.kernels.records.batch import HOLES_ALONE
+from renderer.kernels.records.batch import HOLES_ALONE, has_places, square_of
 from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
@@ -39,12 +39,21 @@ def begin_bounce(scene, tile, sample, work, count):
 
 @method_kernel
 def trace_paths(scene, tile, sample, work):
-    """Add the samples of a tile's square to `work.radiance`."""
+    """Add the samples of a tile's squares to `work.radiance`.
+
+    Camera rays of a square are neighbours and go together. What comes after a bounce is
+    of all squares: the more rays a stream has, the more of them enter the same nodes.
+    """
     rays, hits, settings = work.rays, work.hits, scene.settings
-    count = camera_rays(scene, tile, sample, work)
+    count = np.int64(0)
+    for number in range(tile.square, tile.square + tile.squares):
+        square = square_of(tile, number)
+        if has_places(square):
+            first = count
+            count = camera_rays(scene, square, sample, work, first)
+            intersect(scene.camera_groups, rays, hits, first, count - first, True, None)
     if settings.max_depth < 1:
         return
-    intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
     for k in range(count):
         rays.met[rays.slot[k]] = HOLES_ALONE
     transparent = settings.transparent != 0

@@ -26,7 +26,7 @@ def _level_at(sample, end_sample, room):
 
 @entry_kernel
 def render_tiles(
-    address, scene, rfilter, tiles, first_sample, end_sample, work, sums, border
+    address, scene, rfilter, tiles, first_sample, end_sample, work, sums, border, squares
 ):
     """Add samples first_sample .. end_sample - 1 of some tiles to their sums.
 
@@ -44,6 +44,8 @@ def render_tiles(
         Of each tile with its border.
     border : int
         From `filter_border`.
+    squares : int
+        Squares of a tile that are traced together; `work` has room for so many.
     """
     for k in range(tiles.shape[0]):
         x, y, width, height = tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3]
@@ -52,9 +54,11 @@ def render_tiles(
         while sample < end_sample:
             level = _level_at(sample, end_sample, work.radiance.shape[1])
             clear(work.radiance, level)
-            tile = Tile(x, y, width, height, tiles[k, 4], level, 0)
-            for square in range(1 << 2 * level):
-                batch = Tile(x, y, width, height, tiles[k, 4], level, square)
+            tile = Tile(x, y, width, height, tiles[k, 4], level, 0, 1)
+            all_squares = 1 << 2 * level
+            for square in range(0, all_squares, squares):
+                together = min(squares, all_squares - square)
+                batch = Tile(x, y, width, height, tiles[k, 4], level, square, together)
                 if has_places(batch):
                     call(address, scene, (batch, sample, work))
             add_to_tile(

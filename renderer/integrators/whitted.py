@@ -34,7 +34,7 @@ def trace_ray_trees(scene, tile, sample, work):
     """Add the samples of a tile's square to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
     waiting = work.waiting
-    waiting[0] = camera_rays(scene, tile, sample, work)
+    waiting[0] = camera_rays(scene, tile, sample, work, np.int64(0))
     if settings.max_depth < 1:
         return
     intersect(scene.camera_groups, rays, hits, np.int64(0), waiting[0], True, None)

@@ -26,7 +26,7 @@ COLOURS = (
 def trace_work(scene, tile, sample, work):
     """Write the counts of one camera ray for each pixel of a tile to `work.radiance`."""
     rays, tally = work.rays, work.tally
-    count = camera_rays(scene, tile, sample, work)
+    count = camera_rays(scene, tile, sample, work, np.int64(0))
     tally[:] = 0
     intersect(scene.camera_groups, rays, work.hits, np.int64(0), count, True, tally)
     for i in range(count):

@@ -188,6 +188,7 @@ class RenderJob:
             work,
             sums,
             self.shape.border,
+            self.plan.squares(self.level),
         )
         try:
             if self._compiled is None:
@@ -260,7 +261,8 @@ def workspace_of(
     `border` is the reach of the film's filter in pixels; 4 ** `level` samples of a pixel
     are traced together. The others are those of `make_workspace`.
     """
-    depths, capacity = 1, CAPACITY
+    depths, batch = 1, CAPACITY * plan.squares(level)
+    capacity = batch
     if plan.kind.splits:
         depths = plan.max_depth + 1
         capacity = REGION * depths
@@ -274,6 +276,7 @@ def workspace_of(
         parameters=parameters,
         counted=plan.kind.counts_work,
         previous_points=previous_points,
+        capacity=batch,
         splat_size=TILE_SIZE + 2 * border if border else 0,
         slots=CAPACITY << 2 * level,
     )

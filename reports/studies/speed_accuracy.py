@@ -69,7 +69,7 @@ def settings_of(bench: Bench) -> Settings:
     ReportError
         For an option that is not what it should be.
     """
-    quick = {"spp": (4, 16), "seeds": 3, "reference": 512} if bench.quick else {}
+    quick: dict[str, Any] = {"reference": 256} if bench.quick else {}
     given: dict[str, Any] = {}
     for name, word in bench.options.items():
         words = word.split(",")
@@ -160,10 +160,12 @@ def noisy(
         judge, long = (f"{judging}, {sampler}" for sampler in JUDGES)
         bench.show(f"image means of {len(contenders)} contenders")
         for name, why in means_apart(contenders, judge).items():
-            if name.startswith(OURS) or name == long:
+            if name.startswith(OURS):
                 raise ReportError(f"{why}; nothing was timed")
             del contenders[name]
             unavailable[name] = why
+        # of few samples, Mitsuba's is 0.4 % off in textured-room
+        long = long if long in contenders else judge
         yield from (
             Row(case=case, contender=name, quantity="unavailable", value=why)
             for name, why in unavailable.items()
@@ -299,7 +301,7 @@ STUDY = Study(
     title="Speed against accuracy",
     sentence="How many times as fast does each renderer, method and sampler reach the same "
     "error?",
-    minutes=180,
+    minutes=60,
     quick_minutes=15,
     cases=cases,
     inputs=lambda case, options: scene_content(case),

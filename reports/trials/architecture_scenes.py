@@ -1,8 +1,9 @@
 """Scenes of architecture size: a columned hall, a street at night, a library.
 
 Each has 100,000 to 2,000,000 triangles, textures and dozens to hundreds of lamps, and is
-written to the cache when it is measured first. Lengths are metres, z is up. All surfaces
-are diffuse on both sides, so that programs with other material models can draw them too.
+written to the cache when it is measured first. All surfaces of these three are diffuse on
+both sides, so that programs with other material models can draw them too; those of
+`interiors` have the materials of rooms.
 """
 
 # ruff: noqa: RUF005  an array plus a tuple is a sum, not a longer tuple
@@ -10,104 +11,14 @@ are diffuse on both sides, so that programs with other material models can draw 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
 
-from mitsuba_ref.records.json_files import write_atomically
 from renderer.process.cache_folder import cache_folder
-from reports.trials.large_meshes import scene_head
-
-Floats = NDArray[np.float64]
-Vector = tuple[float, float, float]
-Mesh = tuple[Floats, NDArray[np.int64], Floats]  # vertices (V, 3), faces (F, 3), uv (V, 2)
-
-TEXTURE = 256  # [pixels] a side
-CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
-SIDES = np.array(  # corners of the six sides of a box
-    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-)
-
-
-@dataclass
-class Model:
-    """Meshes by material, lamps, and a camera."""
-
-    eye: Vector
-    target: Vector
-    fov: float  # [degrees] across the width
-    colours: dict[str, str]  # rgb of a material, or the name of a texture
-    meshes: dict[str, list[Mesh]] = field(default_factory=dict)
-    lamps: list[tuple[Vector, Vector, tuple[float, float], str]] = field(
-        default_factory=list
-    )  # centre, direction, half sizes, radiance
-    sky: str = ""  # radiance
-
-    def boxes(self, material: str, low: Any, high: Any, tile: float = 1.0) -> None:
-        """Add boxes between corners (n, 3); a texture repeats every `tile` metres."""
-        a, b = np.broadcast_arrays(np.atleast_2d(low), np.atleast_2d(high))
-        corners = a[:, None] + CORNERS * (b - a)[:, None]  # (n, 8, 3)
-        vertices = corners[:, SIDES]  # (n, 6, 4, 3)
-        axes = np.array([[1, 2], [1, 2], [0, 2], [0, 2], [0, 1], [0, 1]])
-        index = np.broadcast_to(axes[None, :, None], (*vertices.shape[:3], 2))
-        uv = np.take_along_axis(vertices, index, axis=3) / tile
-        quads = np.arange(vertices.size // 3).reshape(-1, 4)
-        self._add(material, vertices.reshape(-1, 3), quads, uv.reshape(-1, 2))
-
-    def lathe(
-        self,
-        material: str,
-        profile: Sequence[tuple[float, float]],
-        places: Any,
-        around: int,
-        flutes: int = 0,
-        rings: int = 0,
-    ) -> None:
-        """Add turned bodies of (radius, height), one at each of the places (n, 3).
-
-        Parameters
-        ----------
-        flutes, rings
-            Grooves along the body; rows into which the profile is cut, 0: as it is.
-        """
-        r, z = np.array(profile, np.float64).T
-        if rings:
-            at = np.linspace(0, len(r) - 1, rings)
-            r, z = (np.interp(at, np.arange(len(r)), values) for values in (r, z))
-        phi = np.linspace(0.0, 2.0 * np.pi, around + 1)
-        depth = 1.0 - 0.07 * np.abs(np.sin(0.5 * flutes * phi)) if flutes else 1.0 + 0 * phi
-        x, y = (r[:, None] * depth * wave for wave in (np.cos(phi), np.sin(phi)))
-        body = np.stack(np.broadcast_arrays(x, y, z[:, None]), axis=-1)
-        uv = np.stack(np.broadcast_arrays(phi, z[:, None]), axis=-1).reshape(-1, 2)
-        place = np.arange(body.size // 3).reshape(len(r), around + 1)
-        a, b, c, d = place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]
-        quads = np.stack((a, b, c, d), axis=-1).reshape(-1, 4)
-        for one in np.atleast_2d(places):
-            self._add(material, body.reshape(-1, 3) + one, quads, uv)
-
-    def _add(
-        self, material: str, vertices: Floats, quads: NDArray[np.int64], uv: Floats
-    ) -> None:
-        faces = np.concatenate((quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]))
-        self.meshes.setdefault(material, []).append((vertices, faces, uv))
-
-    def lamp(
-        self, centre: Any, direction: Vector, size: tuple[float, float], radiance: str
-    ) -> None:
-        """Add rectangular lamps at places (n, 3)."""
-        for place in np.atleast_2d(np.asarray(centre, np.float64)).tolist():
-            self.lamps.append((tuple(place), direction, size, radiance))
-
-
-def grid(*axes: Any) -> Floats:
-    """Return all combinations of values (n, len(axes))."""
-    each = np.meshgrid(*(np.atleast_1d(axis) for axis in axes), indexing="ij")
-    return np.stack([values.ravel() for values in each], axis=1).astype(np.float64)
+from reports.trials import architecture_model, interiors
+from reports.trials.architecture_model import Floats, Model, grid
 
 
 def hall() -> Model:
@@ -331,108 +242,18 @@ ARCHITECTURE: dict[str, Callable[[], Model]] = {
     "hall": hall,
     "street": street,
     "library": library,
+    **interiors.INTERIORS,
 }
-
-
-def texture(name: str) -> NDArray[np.uint8]:
-    """Return a picture (TEXTURE, TEXTURE, 3) that repeats in both directions."""
-    y, x = np.mgrid[0:TEXTURE, 0:TEXTURE] / TEXTURE
-    noise = np.zeros_like(x)
-    rng = np.random.default_rng(3)
-    for octave in (2, 4, 8, 16, 32):  # sums of waves of random phase
-        for _ in range(4):
-            a, b = rng.integers(-octave, octave + 1, 2)
-            noise += np.sin(2 * np.pi * (a * x + b * y + rng.random())) / octave
-    if name == "planks":
-        board = np.floor(6 * x)
-        tone = 0.8 + 0.2 * np.sin(7.0 * board) + 0.08 * noise
-        joint = np.mod(6 * x, 1) < 0.03
-        colour = np.array([0.55, 0.36, 0.2])
-    elif name in ("brick", "paving"):
-        rows = 12 if name == "brick" else 6
-        shift = 0.5 * np.mod(np.floor(rows * y), 2)
-        column = np.mod(rows / 2 * x + shift, rows / 2)
-        tone = 0.85 + 0.15 * np.sin(9.0 * np.floor(column) + 5.0 * np.floor(rows * y))
-        tone += 0.08 * noise
-        joint = (np.mod(column, 1) < 0.05) | (np.mod(rows * y, 1) < 0.1)
-        colour = np.array([0.5, 0.24, 0.17] if name == "brick" else [0.3, 0.3, 0.32])
-    elif name == "marble":
-        tone = 0.75 + 0.25 * np.abs(np.sin(np.pi * (2 * x + 2 * y) + 1.5 * noise))
-        tone *= np.where((np.floor(2 * x) + np.floor(2 * y)) % 2, 1.0, 0.45)
-        joint, colour = np.mod(2 * x, 1) < 0.012, np.array([0.85, 0.8, 0.72])
-    else:
-        tone, joint, colour = 0.9 + 0.06 * noise, x < 0, np.array([0.78, 0.72, 0.6])
-    tone = np.where(joint, 0.35, tone)
-    return np.round(255.0 * np.clip(tone[..., None] * colour, 0.0, 1.0)).astype(np.uint8)
 
 
 def architecture_scene(name: str) -> Path:
     """Return the scene file of one of `ARCHITECTURE`; write it to the cache if it lacks."""
-    digest = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]
+    sources = (__file__, architecture_model.__file__, interiors.__file__)
+    content = b"".join(Path(file).read_bytes() for file in sources)
+    digest = hashlib.sha256(content).hexdigest()[:12]
     folder = cache_folder("architecture_scenes") / digest / name
     path = folder / "scene.xml"
-    if path.is_file():
-        return path
-    folder.mkdir(parents=True, exist_ok=True)
-    model = ARCHITECTURE[name]()
-    for material, meshes in model.meshes.items():
-        write_atomically(folder / f"{material}.ply", ply_bytes(meshes))
-        colour = model.colours[material]
-        if "," not in colour:
-            Image.fromarray(texture(colour)).save(folder / f"{colour}.png")
-    write_atomically(path, scene_text(model).encode())  # the last: then all is there
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        ARCHITECTURE[name]().write(path)
     return path
-
-
-def ply_bytes(meshes: Sequence[Mesh]) -> bytes:
-    """Return meshes as one binary PLY file with texture coordinates."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in meshes)])
-    vertices = np.concatenate([np.hstack((v, uv)) for v, _, uv in meshes])
-    corners = np.concatenate([f + s for (_, f, _), s in zip(meshes, starts, strict=False)])
-    faces = np.empty(len(corners), [("corners", "u1"), ("vertices", "<i4", 3)])
-    faces["corners"], faces["vertices"] = 3, corners
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property float {name}" for name in "xyzuv"]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    text = "\n".join([*header, "end_header\n"]).encode()
-    return text + vertices.astype("<f4").tobytes() + faces.tobytes()
-
-
-def scene_text(model: Model) -> str:
-    """Return the scene file."""
-    shapes = []
-    for material in model.meshes:
-        colour = model.colours[material]
-        reflectance = (
-            f'<rgb name="reflectance" value="{colour}"/>'
-            if "," in colour
-            else f'<texture name="reflectance" type="bitmap"><string name="filename" '
-            f'value="{colour}.png"/></texture>'
-        )
-        shapes.append(
-            f'<shape type="ply"><string name="filename" value="{material}.ply"/>'
-            '<boolean name="face_normals" value="true"/>'
-            f'<bsdf type="twosided"><bsdf type="diffuse">{reflectance}</bsdf></bsdf>'
-            "</shape>"
-        )
-    for centre, direction, (width, height), radiance in model.lamps:
-        place, target = (
-            ", ".join(f"{value:.6g}" for value in point)
-            for point in (centre, np.add(centre, direction))
-        )
-        up = "0, 1, 0" if direction[2] else "0, 0, 1"
-        shapes.append(
-            f'<shape type="rectangle"><transform name="to_world"><scale x="{width}" '
-            f'y="{height}"/><lookat origin="{place}" target="{target}" up="{up}"/>'
-            '</transform><emitter type="area"><rgb name="radiance" '
-            f'value="{radiance}"/></emitter></shape>'
-        )
-    if model.sky:
-        shapes.append(
-            f'<emitter type="constant"><rgb name="radiance" value="{model.sky}"/></emitter>'
-        )
-    look_at = model.eye, model.target, (0, 0, 1)
-    return f"""{scene_head(look_at, model.fov, 6, (320, 240))}
-  {"".join(shapes)}
-</scene>
-"""

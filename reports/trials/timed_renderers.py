@@ -75,9 +75,9 @@ Show = Callable[[str], None]
 class Settings:
     """How much is measured."""
 
-    spp: Sequence[int] = (4, 16, 64)
-    seeds: int = 5  # pictures of each contender at each number of samples
-    reference: int = 2048  # samples of the reference, or a few more
+    spp: Sequence[int] = (4, 16)
+    seeds: int = 3  # pictures of each contender at each number of samples
+    reference: int = 1024  # samples of the reference, or a few more
     threads: int = 2  # workers of each renderer
     side: int = 320  # [pixels] of the longer side of a picture
     samplers: Sequence[str] = SAMPLERS  # ours

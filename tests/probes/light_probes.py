@@ -204,26 +204,29 @@ class Bounds(NamedTuple):
 
 
 def importance(bounds: Bounds, p: Array, n: Array) -> float:
-    """Return what a light can give at most at a point p with normal n.
+    """Return what a light can give at a point p with normal n.
 
-    Strength / max(d^2, r^2), times the largest cosines that any point of the ball can have,
-    at the light and at the surface [Estevez2018, section 5.3].
+    Strength / max(d^2, r^2), times the cosines at the light and at the surface, both with
+    the sine of the half angle under which the ball is seen added.
     """
     if bounds.at_infinity:
-        off = _angle(float(bounds.axis @ n)) - bounds.spread
-        return bounds.strength * max(math.cos(max(off, 0.0)), 0.0)
+        if bounds.spread > 0.5 * math.pi:
+            return bounds.strength
+        return bounds.strength * _clipped(float(bounds.axis @ n) + math.sin(bounds.spread))
     to_light = bounds.center - p
     d2 = float(to_light @ to_light)
-    ball = math.pi  # the half angle under which the ball is seen; from inside all
-    if d2 > bounds.radius**2:
-        ball = math.asin(bounds.radius / math.sqrt(d2))
-    wi = to_light / math.sqrt(d2)
-    at_light = _angle(-float(bounds.axis @ wi)) - bounds.spread - ball
-    at_surface = _angle(float(n @ wi)) - ball
-    if at_light >= max(bounds.reach, LEAST_REACH):
+    reached = max(d2, bounds.radius**2)
+    to_light, ball = to_light / math.sqrt(reached), bounds.radius / math.sqrt(reached)
+    at_light = math.cos(max(_angle(-float(bounds.axis @ to_light)) - bounds.spread, 0.0))
+    at_light = 1.0 if d2 <= bounds.radius**2 else min(at_light + ball, 1.0)
+    if at_light <= math.cos(max(bounds.reach, LEAST_REACH)):
         return 0.0
-    cosines = math.cos(max(at_light, 0.0)) * max(math.cos(max(at_surface, 0.0)), 0.0)
-    return bounds.strength * cosines / max(d2, bounds.radius**2)
+    at_surface = _clipped(float(n @ to_light) + ball)
+    return bounds.strength * at_light * at_surface / reached
+
+
+def _clipped(x: float) -> float:
+    return min(max(x, 0.0), 1.0)
 
 
 def _angle(cosine: float) -> float:

@@ -48,7 +48,7 @@ def run_split(scene, work):
 
 @entry_kernel
 def run_camera_rays(scene, tile, sample, work):
-    return camera_rays(scene, tile, sample, work)
+    return camera_rays(scene, tile, sample, work, np.int64(0))
 
 
 class Scattered(NamedTuple):

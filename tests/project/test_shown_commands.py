@@ -244,7 +244,7 @@ def test_the_tutorial_for_engineers_finds_the_mistake_that_it_makes(tmp_path, mo
         check=False,
     )
     assert compared.returncode == 1, compared.stderr
-    assert "\n1. depth-limited: Paths are 2 segments long" in compared.stdout
+    assert "\n1. depth-limited: Paths have 2 segments" in compared.stdout
 
 
 @pytest.mark.slow

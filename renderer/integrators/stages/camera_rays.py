@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     lane_index,
@@ -104,16 +102,19 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
 
 
 @kernel
-def camera_rays(scene, tile, sample, work):
-    """Fill `work.rays` with one ray for each place of the tile's square; return how many.
+def camera_rays(scene, tile, sample, work, first):
+    """Append one ray for each place of the tile's square to `first` rays.
 
+    Returns how many rays there are then.
     `work.film` is filled with the places on the full film that they go through.
     """
     rays, film, sampler, sensor = work.rays, work.film, scene.sampler, scene.sensor
     call(sampler[0, DRAW_FILM], sampler[0, RECORD], (tile, sample, film))
     if sampler[0, DRAW_APERTURE] != 0:
         call(sampler[0, DRAW_APERTURE], sampler[0, RECORD], (tile, sample, film))
-    count = count_of(sensor[0, FILL_RAYS], sensor[0, RECORD], (tile, rays, work.hits, film))
+    count = count_of(
+        sensor[0, FILL_RAYS], sensor[0, RECORD], (tile, rays, work.hits, film, first)
+    )
     after = scene.hooks
     if after[AFTER_CAMERA_RAYS, 1] != 0:
         call(
@@ -125,13 +126,13 @@ def camera_rays(scene, tile, sample, work):
 
 
 @method_kernel
-def fill_rays(sensor, tile, rays, hits, film):
-    """Fill `rays` for samples whose places in their pixels are in `film`; return how many.
+def fill_rays(sensor, tile, rays, hits, film, count):
+    """Append rays for samples whose places in their pixels are in `film`.
 
+    `count` rays are there before; returns how many there are then.
     The places are replaced by those on the full film.
     """
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
-    count = np.int64(0)
     for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 16):
         slot = lane_index() + first
         x, y = slot_pixel(slot, tile.level)

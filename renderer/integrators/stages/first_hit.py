@@ -156,7 +156,7 @@ def _shape_number(placements, hits, order, i, numbers, shape, mask):
 def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of the samples of a tile's square to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
-    count = camera_rays(scene, tile, sample, work)
+    count = camera_rays(scene, tile, sample, work, np.int64(0))
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
     stage, start, order = np.int64(ANY), np.int64(0), work.order
     found = append_hits(scene, rays, hits, start, count, stage, order, points, start)

@@ -17,6 +17,13 @@ from renderer.kernels.records.kernel_scene import FIRST_BSDF, RECORD
 @kernel
 def group_by_bsdf(scene, work, first, count):
     """Fill `work.points`, grouped by kind of BSDF; `work.ends` says where groups end."""
+    list_by_bsdf(scene, work, first, count)
+    prepare_bsdfs(scene, work)
+
+
+@kernel
+def list_by_bsdf(scene, work, first, count):
+    """Fill `work.points` with the surfaces of hits, and `work.ends`."""
     bsdfs, ends, rays, hits = scene.bsdfs, work.ends, work.rays, work.hits
     order, points = work.order, work.points
     ends[0] = 0
@@ -30,6 +37,13 @@ def group_by_bsdf(scene, work, first, count):
         )
     total = ends[bsdfs.methods.shape[0]]
     surface_points(scene, rays, hits, order, total, points)
+
+
+@kernel
+def prepare_bsdfs(scene, work):
+    """Give the points that are grouped the parameters of their BSDFs."""
+    bsdfs, ends, hits = scene.bsdfs, work.ends, work.hits
+    order, points = work.order, work.points
     for kind in range(bsdfs.methods.shape[0]):
         start, stop = ends[kind], ends[kind + 1]
         load_parameters(scene.shapes, bsdfs, kind, points, start, stop)

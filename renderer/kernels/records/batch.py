@@ -29,7 +29,8 @@ class Tile(NamedTuple):
     height: int
     film_width: int  # of the full film
     level: int = 0  # 4 ** level samples of each pixel are traced together
-    square: int = 0  # of as many, the one that is traced
+    square: int = 0  # of as many, the first that is traced
+    squares: int = 1  # and how many are traced together
 
 
 class SampleKey(NamedTuple):
@@ -82,6 +83,14 @@ def sample_key(tile, slot):
     row = (y >> tile.level) + tile.y
     pixel = row * tile.film_width + (x >> tile.level) + tile.x
     return SampleKey(as_u32(pixel), as_u32(later))
+
+
+@kernel
+def square_of(tile, square):
+    """Return the tile with one square alone."""
+    return Tile(
+        tile.x, tile.y, tile.width, tile.height, tile.film_width, tile.level, square, 1
+    )
 
 
 @kernel

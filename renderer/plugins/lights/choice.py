@@ -102,7 +102,7 @@ def _choose_entry(choice, given, total, wanted, entry, number):
 
     Where the light is `wanted`, it is that of its `entry`.
     """
-    node, probability, rest = splat_i32(0), splat_f32(0.0), splat_f32(0.0)
+    node, share, left = splat_i32(0), splat_f32(0.0), splat_f32(0.0)
     target = number * total
     open_ = splat_mask(True)
     for k in range(choice.entries.size):
@@ -110,11 +110,11 @@ def _choose_entry(choice, given, total, wanted, entry, number):
         # the last that gives anything is taken where rounding leaves a number beyond all
         take = select(wanted, entry == np.int32(k), open_ & (part > 0.0))
         node = select(take, splat_i32(choice.entries[k]), node)
-        probability = select(take, part / total, probability)
-        rest = select(take, target / part, rest)
+        share = select(take, part, share)
+        left = select(take, target, left)
         open_ = open_ & ~(target < part)
         target = target - part
-    return node, probability, _unit(rest)
+    return node, share / total, _unit(left / share)
 
 
 @kernel
@@ -148,18 +148,20 @@ def _descend(choice, receiver, given, found, wanted, rank, valid):
     while any_of(inner):
         first = gather_row(choice.child, 0, node, inner)
         total = _ask_children(choice, receiver, first, count, inner, given)
-        open_, target, share = inner, rest * total, splat_f32(0.0)
+        open_, target = inner, rest * total
+        share, left = splat_f32(1.0), splat_f32(0.0)
         for k in range(choice.width):
             child, part = first + np.int32(k), load_row(given, 0, 16 * k)
             there = open_ & (count > np.int32(k))
             before = rank < gather_row(choice.stop, 0, child, there)
             take = there & select(wanted, before, part > 0.0)
             node = select(take, child, node)
-            share = select(take, part / total, share)
-            rest = select(take, _unit(target / part), rest)
+            share = select(take, part, share)
+            left = select(take, target, left)
             open_ = open_ & ~(take & (wanted | (target < part)))
             target = target - part
-        probability = select(inner, probability * share, probability)
+        rest = select(inner, _unit(left / share), rest)
+        probability = select(inner, probability * (share / total), probability)
         count = gather_row(choice.children, 0, node, valid)
         inner = valid & (count > 0)
     return gather_row(choice.child, 0, node, valid), probability, rest

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import by_columns, kernel, table_columns
 from renderer.kernels.lanes.functions import (
     floor,
     maximum,
@@ -24,7 +24,7 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
-from renderer.kernels.lanes.vectors import column, gather3, select3, vec3
+from renderer.kernels.lanes.vectors import column, gather_vectors, select3, vec3
 from renderer.plugins.lights.environment import environment_light
 from renderer.plugins.lights.kind import STRETCH, LightPlugin, LightSample, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
@@ -50,10 +50,11 @@ _LUMINANCE = np.array(LUMINANCE, np.float32)
 _FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
 
 
+@table_columns("texels")
 class EnvironmentMaps(NamedTuple):
     """The environment; at most one."""
 
-    # (3, H (W + 2)) texels by row from the top, each between its neighbours on the circle
+    # (4, H (W + 2)) texels by row from the top, each between its neighbours on the circle
     texels: NDArray[np.float32]
     width: int  # W
     height: int  # H
@@ -144,7 +145,7 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
     around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
     to_world = sky.to_world[:3, :3]
     return EnvironmentMaps(
-        np.ascontiguousarray(around.reshape(-1, 3).T),
+        by_columns(np.pad(around.reshape(-1, 3), [(0, 0), (0, 1)]).T),
         sky.pixels.shape[1],
         sky.pixels.shape[0],
         sky.scale,
@@ -212,10 +213,10 @@ def texel_radiance(sky, x, y, mask):
     a, b = x - to_f32(i), y - to_f32(j)
     first = j * np.int32(sky.width + 2) + i
     below = first + np.int32(sky.width + 2)
-    upper = gather3(sky.texels, first, mask) * (1.0 - a)
-    upper = upper + gather3(sky.texels, first + 1, mask) * a
-    lower = gather3(sky.texels, below, mask) * (1.0 - a)
-    lower = lower + gather3(sky.texels, below + 1, mask) * a
+    upper = gather_vectors(sky.texels, first, mask) * (1.0 - a)
+    upper = upper + gather_vectors(sky.texels, first + 1, mask) * a
+    lower = gather_vectors(sky.texels, below, mask) * (1.0 - a)
+    lower = lower + gather_vectors(sky.texels, below + 1, mask) * a
     return (upper * (1.0 - b) + lower * b) * np.float32(sky.scale)
 
 

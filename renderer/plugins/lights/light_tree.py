@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kernels.jit import by_columns
 from renderer.plugins.lights.choice import MOST_ENTRIES, UNIFORM, LightChoice
 from renderer.plugins.lights.importance import LightNodes
 from renderer.plugins.sampling.numbers_and_warps import MOST_BY_PAIR
@@ -353,6 +354,5 @@ def _nodes(table: _Columns, lights: Sequence[Any]) -> LightNodes:
         spread = min(max(spread, float((off + table.spread[each]).max())), math.pi)
         reach = max(float(table.reach[each].max()), _LEAST_REACH)
         angles = math.cos(spread), math.sin(spread), math.cos(reach)
-        rows.append([*center, *axis, strength.sum(), radius**2, *angles])
-    packed = np.ascontiguousarray(np.array(rows, np.float32).reshape(-1, 11).T)
-    return LightNodes(packed[:3], packed[3:6], *packed[6:])
+        rows.append([*center, radius, *axis, strength.sum(), *angles, 0.0])
+    return LightNodes(by_columns(np.array(rows, np.float32).reshape(-1, 12).T))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import by_columns, kernel, table_columns
 from renderer.kernels.lanes.functions import (
     fabs,
     maximum,
@@ -26,12 +26,13 @@ from renderer.kernels.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.memory import gather_columns, gather_row
 
 # relative difference of two ends below which a linear density is taken as constant
 FLAT = np.float32(1e-4)
 
 
+@table_columns("blocks")
 class Warp(NamedTuple):
     """A density over the unit square: `columns` x `rows` patches, their mean is 1."""
 
@@ -78,7 +79,7 @@ def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
         columns,
         rows,
         np.ascontiguousarray(nodes.ravel(), np.float32),
-        np.ascontiguousarray(np.concatenate([p.reshape(4, -1) for p in levels], axis=1)),
+        by_columns(np.concatenate([p.reshape(4, -1) for p in levels], axis=1)),
         np.cumsum([0, *counts[:-1]]).astype(np.int32),
         np.array([part.shape[2] for part in levels], np.int32),
     )
@@ -128,10 +129,7 @@ def choose_patch(warp, x, y, mask):
     column, row = splat_i32(0), splat_i32(0)
     for level in range(warp.start.size):
         block = row * warp.across[level] + (column + warp.start[level])
-        v00 = gather_row(warp.blocks, 0, block, mask)
-        v10 = gather_row(warp.blocks, 1, block, mask)
-        v01 = gather_row(warp.blocks, 2, block, mask)
-        v11 = gather_row(warp.blocks, 3, block, mask)
+        v00, v10, v01, v11 = gather_columns(warp.blocks, 0, block, mask)
         lower, upper = v00 + v10, v01 + v11
         y = _clip(y) * (lower + upper)
         second = y > lower

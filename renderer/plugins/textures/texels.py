@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, kernel
+from renderer.kernels.jit import by_columns, interface, kernel, table_columns
 from renderer.kernels.lanes.functions import as_f32, select
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import gather3, select3, vec3
+from renderer.kernels.lanes.vectors import gather_vectors, select3, vec3
 from renderer.plugins.textures.kind import LUMINANCE
 from renderer.scene_file.images.image import decoded_bytes
 
@@ -51,10 +51,11 @@ class Halves(NamedTuple):
     words: NDArray[np.int32]  # (n / 2,)
 
 
+@table_columns("values")
 class FloatColors(NamedTuple):
     """Three floats a texel."""
 
-    values: NDArray[np.float32]  # (3, n)
+    values: NDArray[np.float32]  # (4, n) the last is unused
 
 
 class Floats(NamedTuple):
@@ -78,7 +79,7 @@ def packed_texels(images: list[NDArray[Any]], srgb: bool) -> Any:
     if texels.dtype == np.float32:
         if channels == 1:
             return Floats(np.ascontiguousarray(texels[:, 0]))
-        return FloatColors(np.ascontiguousarray(texels.T))
+        return FloatColors(by_columns(np.pad(texels, [(0, 0), (0, 1)]).T))
     # bytes and halves fill words: of four, or of one or two for a single channel
     whole = np.zeros((len(texels), 4), texels.dtype)
     if channels == 1:
@@ -162,7 +163,7 @@ def _half(texels, index, mask):
 @texel_at.by(FloatColors)
 @kernel
 def _float_color(texels, index, mask):
-    return gather3(texels.values, index, mask)
+    return gather_vectors(texels.values, index, mask)
 
 
 @texel_at.by(Floats)

@@ -102,6 +102,10 @@ RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
 # 16 samples of a pixel go together, if it has as many: a packet is one pixel then. 64 would
 # have more light to keep than the second cache holds.
 MOST_TOGETHER = 2
+# Squares of a tile whose rays go together after the first hit: longer streams, and fuller
+# groups of one BSDF. 16 squares, which leave the second cache, are 0.9 to 1.1 times as
+# fast as 4.
+MOST_SQUARES = 4
 UNSTRATIFIED = ("independent", "sobol")  # samplers without a grid of strata
 # So many times more light samples: what BSDF samples find that a light sample could have
 # found as well then weighs 1e-30 of it, less than any rounding. The rest still weighs 1.
@@ -179,6 +183,12 @@ class Plan(Decision):
         ):
             level -= 1
         return level
+
+    def squares(self, level: int) -> int:
+        """Return how many of the 4 ** level squares of a tile are traced together."""
+        if self.several or self.kind.splits:
+            return 1
+        return min(MOST_SQUARES, 4**level)
 
     @property
     def sampler_name(self) -> str:

@@ -254,7 +254,7 @@ def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, A
 def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
     """Return the one row of methods of the sensor."""
     work = work_types()
-    fill = (fill_rays, (TILE, work.rays, work.hits, ROWS), INT)
+    fill = (fill_rays, (TILE, work.rays, work.hits, ROWS, INT), INT)
     return tables.table([(tables.pack(kind_of_sensor(sensor).record(sensor)), [fill])], 1)
 
 

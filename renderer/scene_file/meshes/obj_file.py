@@ -1,13 +1,17 @@
 """Wavefront OBJ files: `v`, `vt`, `vn` and `f` lines, as Mitsuba's `obj` plugin reads them.
 
+Most files are read a block at a time (`obj_blocks`), unusual and faulty ones line by line.
+
 Beyond Mitsuba: negative (relative) indices and lines continued with a backslash.
 """
 
 from __future__ import annotations
 
 import bisect
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +24,7 @@ from renderer.scene_file.meshes.mesh_data import (
     read_mesh_bytes,
     require_for_words,
 )
+from renderer.scene_file.meshes.obj_blocks import Blocks, distinct, read_blocks
 
 # Lines of the format that say nothing about triangles; any other word is reported.
 _NOT_GEOMETRY = frozenset(("g", "o", "s", "usemtl", "mtllib", "mg", "lod", "bevel"))
@@ -81,16 +86,12 @@ def read_obj(
     # latin-1 maps every byte to a character: names may be in any encoding.
     content = read_mesh_bytes(path)
     require_for_words(content, 95, path)  # lists of texts, and the numbers
-    tables = _Tables()
-    if face_normals:
-        tables.vn.width = 0  # of whose lines no number is read
-    _split_lines(content.decode("latin-1"), tables, path)
-    vertices = _numbers(tables.v, path)
-    uvs = _numbers(tables.vt, path)
-    normals = _numbers(tables.vn, path)
-    if not tables.corners:
-        raise SceneError(f"{path}: no `f` line; an OBJ mesh needs at least one face")
-    keys, corner_vertex = _distinct_corners(tables, path)
+    blocks = read_blocks(content, face_normals=face_normals)
+    if blocks is None:
+        parsed = _read_lines(content.decode("latin-1"), path, face_normals)
+    else:
+        parsed = _of_blocks(blocks, content)
+    vertices, uvs, normals, keys, corner_vertex, face_sizes, lines, skipped = parsed
     if face_normals:
         keys[:, 2] = 0
 
@@ -104,19 +105,76 @@ def read_obj(
         uv = np.vstack((np.zeros((1, 2)), uvs))[keys[:, 1]]
     mesh = judged_mesh(
         vertices[keys[:, 0] - 1],
-        corner_vertex[_fan(np.array(tables.face_sizes))].astype(np.int32),
+        corner_vertex[_fan(face_sizes)].astype(np.int32),
         normal,
         uv,
         str(path),
         {
-            what: np.array([0, *table.lines])[keys[:, column]]
-            for column, (what, table) in enumerate(
-                (("position", tables.v), ("uv", tables.vt), ("normal", tables.vn))
-            )
+            what: np.append(0, lines[column])[keys[:, column]]
+            for column, what in enumerate(("position", "uv", "normal"))
         },
     )
-    warnings = (*_warnings(tables, path), *_missing(keys, path), *mesh.warnings)
+    warnings = (*_warnings(skipped, path), *_missing(keys, path), *mesh.warnings)
     return replace(mesh, warnings=warnings)
+
+
+class _Parsed(NamedTuple):
+    """The numbers of a file."""
+
+    vertices: NDArray[np.float64]
+    uvs: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    keys: NDArray[np.int64]  # (V, 3): index of v, vt, vn of each vertex; 0: none given
+    corner_vertex: NDArray[np.int64]  # (corners,): the vertex of each corner
+    face_sizes: NDArray[np.int64]
+    lines: Sequence[NDArray[np.int64]]  # of each v, vt, vn
+    skipped: list[tuple[int, str]]  # unknown (line, word)
+
+
+def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed:
+    """Return what is read of blocks, and look at the lines of other kinds."""
+    skipped = []
+    for number in blocks.other.tolist():
+        begin = blocks.starts[number - 1]
+        end = content.find(b"\n", begin)
+        line = content[begin : end if end >= 0 else None].decode("latin-1")
+        words = line.partition("#")[0].split()
+        if words and words[0] not in _NOT_GEOMETRY:
+            skipped.append((number, words[0]))
+    keys, vertex = distinct(blocks.corners)
+    return _Parsed(
+        blocks.v,
+        blocks.vt,
+        blocks.vn,
+        keys,
+        vertex,
+        blocks.face_sizes,
+        blocks.lines,
+        skipped,
+    )
+
+
+def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
+    """Read a file line by line."""
+    tables = _Tables()
+    if face_normals:
+        tables.vn.width = 0  # of whose lines no number is read
+    _split_lines(text, tables, path)
+    each = (tables.v, tables.vt, tables.vn)
+    vertices, uvs, normals = (_numbers(table, path) for table in each)
+    if not tables.corners:
+        raise SceneError(f"{path}: no `f` line; an OBJ mesh needs at least one face")
+    keys, corner_vertex = _distinct_corners(tables, path)
+    return _Parsed(
+        vertices,
+        uvs,
+        normals,
+        keys,
+        corner_vertex,
+        np.array(tables.face_sizes),
+        [np.array(table.lines, np.int64) for table in each],
+        tables.skipped,
+    )
 
 
 def _split_lines(text: str, tables: _Tables, path: Path) -> None:
@@ -303,11 +361,11 @@ def _missing(keys: NDArray[np.int64], path: Path) -> list[str]:
     return found
 
 
-def _warnings(tables: _Tables, path: Path) -> tuple[str, ...]:
-    if not tables.skipped:
+def _warnings(skipped: list[tuple[int, str]], path: Path) -> tuple[str, ...]:
+    if not skipped:
         return ()
-    number, word = tables.skipped[0]
+    number, word = skipped[0]
     return (
         f"{path}:{number}: `{word[:40]}` lines are not read "
-        f"({len(tables.skipped)} lines of kinds other than v, vt, vn and f)",
+        f"({len(skipped)} lines of kinds other than v, vt, vn and f)",
     )

@@ -111,7 +111,7 @@ def test_those_of_a_sample_can_be_built(mutants):
 def test_a_file_that_has_changed_since_is_refused(mutants, tmp_path):
     moved = tmp_path / "path.py"
     mutant = next(m for m in mutants if m.symbol == "integrators.path.trace_paths")
-    moved.write_bytes(b"# a line more\n" + mutant.path.read_bytes())
+    moved.write_bytes(b"# what follows is in other places\n" + mutant.path.read_bytes())
     with pytest.raises((from_syntax.AnchorError, SyntaxError)):
         replace(mutant, path=moved).mutation("cornell-box")
 

@@ -56,7 +56,7 @@ def many_squares():
 
 @entry_kernel
 def run_tally(scene, tile, work, tally):
-    count = camera_rays(scene, tile, 0, work)
+    count = camera_rays(scene, tile, 0, work, np.int64(0))
     intersect(scene.groups, work.rays, work.hits, np.int64(0), count, True, tally)
     return count
 

@@ -438,13 +438,13 @@ def test_the_command_explains_and_refuses(
     path.write_text(BOX.format(integrator="", side=8))
     assert main([str(path), "--explain", "--memory", "1GiB"]) == 0
     output = " ".join(capsys.readouterr().out.split())
-    assert "Memory, beside the scene at most 15" in output
+    assert "Memory, beside the scene at most 16" in output
     assert "(the kernels 150 MiB, " in output
     assert "of the 1 GiB allowed 1 GiB are left" in output
     given = [str(path), "-o", str(files / "x.png"), "--memory", "100MiB"]
     assert main(given) == 1
     found = capsys.readouterr().err
     assert found.count("\n") == 1
-    assert "rendering takes about 15" in found
+    assert "rendering takes about 16" in found
     assert not (files / "x.png").exists()
     assert main([str(path), "--memory", "little"]) == 2

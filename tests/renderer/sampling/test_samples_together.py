@@ -146,9 +146,13 @@ def room(rfilter="box", integrator="path", **settings):
 
 
 def pictures(monkeypatch, loaded, **how):
-    """The picture by one sample of a pixel at a time; then by more that go together."""
-    for level in LEVELS:
+    """The picture by one sample of a pixel at a time; then by more that go together.
+
+    Last, with other numbers of squares in a batch.
+    """
+    for level, squares in ((0, 4), (1, 4), (2, 4), (2, 1), (2, 16)):
         monkeypatch.setattr(planning, "MOST_TOGETHER", level)
+        monkeypatch.setattr(planning, "MOST_SQUARES", squares)
         plan = make_plan(loaded, spp=how["spp"], sampler=how["sampler"])
         assert RenderJob(loaded, plan, RenderOptions(seed=4, threads=1)).level == level
         yield renderer.render(loaded, seed=4, **how)
