@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer import single_stages as stages
 from renderer.kernels.jit import compiled_for, pack
@@ -43,6 +44,7 @@ class StageTimes(NamedTuple):
     seconds: dict[str, float]
     rays: dict[str, int]
     by_bounce: list[tuple[float, int, int]]  # seconds, rays, batches
+    sums: NDArray[np.float64]  # of the film, by which a test sees that it is the render's
 
 
 class _Clock:
@@ -93,6 +95,7 @@ def stage_times(scene: Scene, spp: int, *, every: int = 1, **options: Any) -> St
         clock.seconds.clear()
         clock.rays.clear()
         by_bounce = [[0.0, 0, 0] for _ in range(64)]
+        film.sums[:] = 0.0
         for number in range(0, len(film.tiles), every if attempt else len(film.tiles)):
             x, y, width, height, across = film.tiles[number].tolist()
             for sample in range(0, spp, 1 << 2 * level):
@@ -105,7 +108,7 @@ def stage_times(scene: Scene, spp: int, *, every: int = 1, **options: Any) -> St
                 arguments = pack(rfilter), tile, packed, sums, job.shape.border
                 clock(FILM, 0, stages.film_step, *arguments)
     reached = [(row[0], int(row[1]), int(row[2])) for row in by_bounce if row[1]]
-    return StageTimes(dict(clock.seconds), dict(clock.rays), reached)
+    return StageTimes(dict(clock.seconds), dict(clock.rays), reached, film.sums)
 
 
 def _trace(
