@@ -18,7 +18,6 @@ from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.integrators.stages.intersect import intersect, reset_hits, trace_shadow_rays
 from renderer.integrators.stages.materials import (
-    group_by_bsdf,
     list_by_bsdf,
     prepare_bsdfs,
 )
@@ -77,21 +76,14 @@ def draw_step(scene, tile, sample, work, count):
 
 
 @entry_kernel
-def group_step(scene, work, count):
-    """Fill `work.points`, grouped by BSDF; return how many have a smooth one."""
-    group_by_bsdf(scene, work, np.int64(0), count)
-    return work.ends[scene.bsdfs.smooth]
-
-
-@entry_kernel
 def list_step(scene, work, count):
-    """Do the first half of `group_step`: find the surfaces."""
+    """Fill `work.points` with the surfaces of the hits, grouped by BSDF."""
     list_by_bsdf(scene, work, np.int64(0), count)
 
 
 @entry_kernel
 def prepare_step(scene, work):
-    """Do the second half of `group_step`; return how many points have a smooth BSDF."""
+    """Look up the parameters of their BSDFs; return how many have a smooth one."""
     prepare_bsdfs(scene, work)
     return work.ends[scene.bsdfs.smooth]
 
@@ -109,23 +101,14 @@ def light_step(scene, turn, tile, sample, bounce, work, count):
 
 
 @entry_kernel
-def shadow_ray_step(scene, bounce, work):
-    """Cast the shadow rays of the lights just sampled; return how many."""
-    cast = cast_shadow_rays(scene, work)
-    coherent = bounce == 0
-    trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
-    return cast
-
-
-@entry_kernel
 def reflect_step(scene, work):
-    """Do the first half of `shadow_ray_step`: return how many rays there are."""
+    """Cast the shadow rays of the lights just sampled; return how many."""
     return cast_shadow_rays(scene, work)
 
 
 @entry_kernel
 def visibility_step(scene, bounce, work, cast):
-    """Do the second half of `shadow_ray_step`."""
+    """Add to `work.radiance` what the shadow rays carry that nothing blocks."""
     coherent = bounce == 0
     trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
 

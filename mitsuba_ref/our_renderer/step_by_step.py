@@ -192,7 +192,8 @@ class StepByStep:
             drawn = self._drawn.of_bounce(tile, int(work.hits.prim[0]))
             if moved is not None and moved.segment == bounce and any(moved.numbers):
                 self._drawn.nudge(tile, moved.numbers)
-            smooth = stages.group_step(scene, packed, 1)
+            stages.list_step(scene, packed, 1)
+            smooth = stages.prepare_step(scene, packed)
             if moved is not None and moved.segment == bounce:
                 point = work.points.position
                 point[:, 0] = point[:, 0].astype(np.float64) + moved.hit
@@ -238,7 +239,8 @@ class StepByStep:
             # own flags are overwritten, and small light can be lost in a sum.
             before = self._work.radiance[:, 0].copy()
             self._work.radiance[:, 0] = 0.0
-            cast = stages.shadow_ray_step(scene, bounce, packed)
+            cast = stages.reflect_step(scene, packed)
+            stages.visibility_step(scene, bounce, packed, cast)
             origin = _column(self._work.shadow_rays.origin) if cast else None
             blocked = None if cast == 0 else not self._work.radiance[:, 0].any()
             self._work.radiance[:, 0] += before

@@ -1,8 +1,8 @@
 """Stages: where the time of a path-traced picture goes, stage by stage, on one thread.
 
 The stages of `trace_paths` are called one by one over the batches of a render, each with
-its own clock. A batch has the rays of as many samples as in a render. A tile in `every` is
-rendered, so that large pictures take no longer.
+its own clock. A batch has the rays of as many samples as in a render. With `--quick` every
+third tile is rendered.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ class Model:
         self.meshes.setdefault(material, []).append((vertices, faces, uv))
 
     def write(self, path: Path) -> None:
-        """Write a scene file, and its meshes and images beside it."""
+        """Write a scene file, and its meshes and images into the same folder."""
         for material, meshes in self.meshes.items():
             write_atomically(path.parent / f"{material}.ply", ply_bytes(meshes))
         text = scene_text(self)

@@ -3,10 +3,10 @@
     strength / max(d^2, r^2) cos(theta_light) cos(theta_surface)
 
 Both cosines are as large as any point of the ball of radius r may make them [Estevez2018,
-section 5.3; Pharr2023, section 12.6.3], with two differences. The cosine of an angle less
-the half angle b under which the ball is seen is taken as the cosine plus sin b, at most 1:
-that is positive where theirs is, and within a factor of 0.7 of it. It saves four roots and
-two divisions, which made the choice among 64 lights 2.5 times as slow.
+section 5.3; Pharr2023, section 12.6.3], but for one thing. In place of the cosine of an
+angle less the half angle b under which the ball is seen stands its cosine plus sin b, at
+most 1. That is positive wherever theirs is, which is all that a choice needs to have no
+bias, and takes four roots and two divisions less.
 """
 
 from __future__ import annotations

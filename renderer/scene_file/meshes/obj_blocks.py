@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
-KINDS = {"v": (b"v", 3), "vt": (b"vt", 2), "vn": (b"vn", 3), "f": (b"f", 3)}
+WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers that count on each line
+KINDS = (*WIDTHS, "f")
 _LARGEST = 2**62
 _MOST_RUNS = 20_000  # of lines of one kind; each is a slice
 _NEWLINE, _SLASH, _MINUS, _TAB, _LAST_BLANK = b"\n/-\t\r"
@@ -51,23 +52,22 @@ def read_blocks(content: bytes, *, face_normals: bool) -> Blocks | None:
     text = np.frombuffer(content, np.uint8)
     ends = np.append(np.flatnonzero(text == _NEWLINE), len(text))
     starts = np.append(0, ends[:-1] + 1)
-    kind = _kind_of_lines(text, starts, ends)
+    kind = _kind_of_lines(text, starts)
     tables, lines_of = [], []
-    for number, (name, (word, width)) in enumerate(KINDS.items()):
+    for number, (name, width) in enumerate(WIDTHS.items()):
         lines = np.flatnonzero(kind == number)
         lines_of.append(lines + 1)
         if name == "vn" and face_normals:
             tables.append(np.zeros((len(lines), 3)))
             continue
-        block = _block(content, starts, ends, lines, len(word))
-        if block is None:
+        block = _block(content, starts, ends, lines, len(name))
+        rows = None if block is None else _rows(block, len(lines), width)
+        if rows is None:
             return None
-        if name == "f":
-            faces = _corners(block)
-        elif (rows := _rows(block, len(lines), width)) is None:
-            return None
-        else:
-            tables.append(rows)
+        tables.append(rows)
+    lines = np.flatnonzero(kind == KINDS.index("f"))
+    block = _block(content, starts, ends, lines, 1)
+    faces = None if block is None else _corners(block)
     if faces is None:
         return None
     v, vt, vn = tables
@@ -76,20 +76,20 @@ def read_blocks(content: bytes, *, face_normals: bool) -> Blocks | None:
     if (corners > counts).any() or (corners < [1, 0, 0]).any():
         return None
     other = np.flatnonzero(kind == len(KINDS)) + 1
-    return Blocks(v, vt, vn, lines_of[:3], corners, sizes, other, starts)
+    return Blocks(v, vt, vn, lines_of, corners, sizes, other, starts)
 
 
-def _kind_of_lines(text: Bytes, starts: Integers, ends: Integers) -> NDArray[np.uint8]:
+def _kind_of_lines(text: Bytes, starts: Integers) -> NDArray[np.uint8]:
     """Return of each line its place in `KINDS`; of others as many as there are kinds."""
     padded = np.append(text, np.full(3, _SPACE, np.uint8))
     one, two, three = (padded[starts + k] for k in range(3))
     blank_two, blank_three = two <= _SPACE, three <= _SPACE
     kind = np.full(len(starts), len(KINDS), np.uint8)
-    for number, (word, _) in enumerate(KINDS.values()):
-        if len(word) == 1:
-            kind[(one == word[0]) & blank_two] = number
+    for number, name in enumerate(KINDS):
+        if len(name) == 1:
+            kind[(one == ord(name)) & blank_two] = number
         else:
-            kind[(one == word[0]) & (two == word[1]) & blank_three] = number
+            kind[(one == ord(name[0])) & (two == ord(name[1])) & blank_three] = number
     return kind
 
 

@@ -24,7 +24,7 @@ from renderer.scene_file.meshes.mesh_data import (
     read_mesh_bytes,
     require_for_words,
 )
-from renderer.scene_file.meshes.obj_blocks import Blocks, distinct, read_blocks
+from renderer.scene_file.meshes.obj_blocks import KINDS, Blocks, distinct, read_blocks
 
 # Lines of the format that say nothing about triangles; any other word is reported.
 _NOT_GEOMETRY = frozenset(("g", "o", "s", "usemtl", "mtllib", "mg", "lod", "bevel"))
@@ -87,10 +87,9 @@ def read_obj(
     content = read_mesh_bytes(path)
     require_for_words(content, 95, path)  # lists of texts, and the numbers
     blocks = read_blocks(content, face_normals=face_normals)
-    if blocks is None:
+    parsed = None if blocks is None else _of_blocks(blocks, content)
+    if parsed is None:
         parsed = _read_lines(content.decode("latin-1"), path, face_normals)
-    else:
-        parsed = _of_blocks(blocks, content)
     vertices, uvs, normals, keys, corner_vertex, face_sizes, lines, skipped = parsed
     if face_normals:
         keys[:, 2] = 0
@@ -131,14 +130,19 @@ class _Parsed(NamedTuple):
     skipped: list[tuple[int, str]]  # unknown (line, word)
 
 
-def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed:
-    """Return what is read of blocks, and look at the lines of other kinds."""
+def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed | None:
+    """Return what is read of blocks, and look at the lines of other kinds.
+
+    None if one of these is geometry after all, such as a line that is indented.
+    """
     skipped = []
     for number in blocks.other.tolist():
         begin = blocks.starts[number - 1]
         end = content.find(b"\n", begin)
         line = content[begin : end if end >= 0 else None].decode("latin-1")
         words = line.partition("#")[0].split()
+        if words and words[0] in KINDS:
+            return None
         if words and words[0] not in _NOT_GEOMETRY:
             skipped.append((number, words[0]))
     keys, vertex = distinct(blocks.corners)
