@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import renderer
-from reports.bench.rows import Row
+from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
+from reports.look.formatting import number
 from reports.studies.speed_accuracy import opened_scene, parameters_of
 from reports.trials.architecture_scenes import ARCHITECTURE
 from reports.trials.stage_times import STAGES, stage_times
@@ -42,11 +43,21 @@ def measure(case: str, bench: Bench) -> Iterator[Row]:
             each = round(1e9 * seconds / rays, 1)
             yield Row(quantity="time of a ray or point", value=each, unit="ns", **one)
     for bounce, (seconds, rays, batches) in enumerate(times.by_bounce):
-        one = {"case": case, "contender": f"bounce {bounce}"}
+        one = {"case": case, "at": float(bounce)}
         filled = round(rays / batches, 1)
         yield Row(quantity="rays of a batch", value=filled, **one)
         each = round(1e9 * seconds / rays, 1)
         yield Row(quantity="time of a ray in all stages", value=each, unit="ns", **one)
+
+
+def verdict(table: Table) -> str:
+    """Return which stage takes most of the time in each scene."""
+    shares = table.where(quantity="share of the time")
+    largest = []
+    for case in shares.distinct("case"):
+        most = max(shares.where(case=case), key=lambda row: float(row.value or 0.0))
+        largest.append(f"{case} {number(float(most.value or 0.0))} % {most.contender}")
+    return "The largest share: " + "; ".join(largest) + "." if largest else ""
 
 
 STUDY = Study(
@@ -59,5 +70,7 @@ STUDY = Study(
     quick_cases=("kitchen", "cornell-box"),
     any_case=True,
     options={"spp": "samples per pixel"},
+    axis="bounce",
     measure=measure,
+    verdict=verdict,
 )
