@@ -101,6 +101,9 @@ class Model:
         """Add a mesh of triangles or quadrilaterals, (n, 3) or (n, 4)."""
         if faces.shape[1] == 4:
             faces = np.concatenate((faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]))
+        # Mitsuba 3.9.1 computes NaN normals where a face has an edge of length zero
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        faces = faces[(a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)]
         self.meshes.setdefault(material, []).append((vertices, faces, uv))
 
     def write(self, path: Path) -> None:
