@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.scene_file.images.image import Image
+from renderer.scene_file.media_description import Medium
 
 Rgb = tuple[float, float, float]
 
@@ -235,6 +236,8 @@ class Shape:
 
     bsdf: Bsdf
     radiance: Radiance | None = None  # of an area emitter, on the side of the normal
+    interior: Medium | None = None  # behind the surface; both None: not a boundary
+    exterior: Medium | None = None  # on the side of the normal
     id: str = ""
     location: Location = NOWHERE
 
@@ -458,6 +461,7 @@ class Sensor:
     near_clip: float = 0.01
     far_clip: float = 1e4
     shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
+    medium: Medium | None = None  # that paths start in
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -511,7 +515,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Integrator:
-    """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
+    """`direct`, `path`, `volpath`, ...; each uses the fields it needs."""
 
     name: str = "path"
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
@@ -529,7 +533,6 @@ class Integrator:
     caustics: bool = True
     nested: Integrator | None = None  # aov: the integrator whose colours come first
     moments: Moments | None = None  # `moment` stands around it
-    stands_for: str = ""  # the plugin of the file, where another name is as good here
     refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
 
 
@@ -553,6 +556,12 @@ class SceneDescription:
     # their names once one was taken out, or the rest would be counted anew; (): all there
     emitter_names: tuple[str, ...] = ()
     simplified: tuple[str, ...] = ()  # names of the simplifications that were applied
+
+    @property
+    def has_media(self) -> bool:
+        """Whether light can be absorbed or scattered between surfaces."""
+        bounds = (s.interior or s.exterior for s in self.every_shape)
+        return self.camera.medium is not None or any(bounds)
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:

@@ -159,6 +159,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
     why.say("file asks", describe_integrator(requested))
+    media = scene.description.has_media and INTEGRATORS[requested.name].media
     case = Case(
         requested,
         reduce,
@@ -166,14 +167,20 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         lights,
         extended,
         materials.delta,
-        materials.smooth,
+        materials.smooth or media,
         materials.chooses,
         transparent,
+        media,
+        materials.straight,
     )
     decision = INTEGRATORS[requested.name].decide(case, why.say)
     sampled_whole = not has_lights_beside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
+    if INTEGRATORS[decision.method].media:  # how lights are chosen there
+        if options.light_choice == "importance":
+            raise SceneError("light choice 'importance': volpath has 'uniform' alone")
+        choice = "uniform"
     if replay:
         check_replay(requested, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
@@ -194,7 +201,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         **vars(decision),
         weigh=weighed
         and decision.follow
-        and materials.smooth
+        and case.smooth
         and depth > 1
         and strategy != "bsdfs",
         hide_emitters=requested.hide_emitters

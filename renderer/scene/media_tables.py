@@ -1,0 +1,173 @@
+"""The participating media of a scene as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.kernels.records.media import (
+    HENYEY_GREENSTEIN,
+    ISOTROPIC,
+    NO_BOUNDARY,
+    RAYLEIGH,
+    TABULATED,
+    VACUUM,
+    Grids,
+    Media,
+)
+from renderer.scene_file.description import SceneDescription
+from renderer.scene_file.media_description import (
+    BlendedPhase,
+    ConstantVolume,
+    GridVolume,
+    HenyeyGreenstein,
+    Medium,
+    Phase,
+    RayleighPhase,
+    TabulatedPhase,
+    Volume,
+)
+
+_WRAPS = {"clamp": 0, "repeat": 1, "mirror": 2}
+_MOST = 2**31 - 1  # numbers of all grids together: kernels count in 32 bits
+
+
+def media_tables(description: SceneDescription | None) -> Media:
+    """Return the media that shapes and the sensor refer to; None: none at all."""
+    media: dict[int, int] = {}
+    found: list[Medium] = []
+
+    def number(medium: Medium | None) -> int:
+        if medium is None:
+            return int(VACUUM)
+        if id(medium) not in media:
+            media[id(medium)] = len(found)
+            found.append(medium)
+        return media[id(medium)]
+
+    camera = number(description.camera.medium if description else None)
+    sides = []
+    for shape in description.every_shape if description else ():
+        boundary = shape.interior is not None or shape.exterior is not None
+        inside, outside = number(shape.interior), number(shape.exterior)
+        sides.append((inside, outside) if boundary else (int(NO_BOUNDARY),) * 2)
+    interior, exterior = np.array(sides or [(NO_BOUNDARY,) * 2], np.int32).T
+    volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
+    grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
+    place = {id(grid): k for k, grid in enumerate(grids)}
+    phases = [list(_leaves(medium.phase, 1.0)) for medium in found]
+    flat = [leaf for leaves in phases for leaf in leaves]
+    tables = [_table(phase) for _, phase in flat]
+    return Media(
+        len(found),
+        camera,
+        np.ascontiguousarray(interior),
+        np.ascontiguousarray(exterior),
+        _columns([np.multiply(m.scale, _factor(m.sigma_t)) for m in found], 3),
+        _columns([_factor(m.albedo) for m in found], 3),
+        _numbers([_majorant(medium) for medium in found], np.float32),
+        _numbers([place.get(id(m.sigma_t), -1) for m in found], np.int32),
+        _numbers([place.get(id(m.albedo), -1) for m in found], np.int32),
+        _columns([_box(medium.sigma_t) for medium in found], 6),
+        _ends(map(len, phases)),
+        _numbers([_kind(phase) for _, phase in flat], np.int32),
+        _numbers([share for share, _ in flat], np.float32),
+        _numbers([getattr(phase, "g", 0.0) for _, phase in flat], np.float32),
+        _ends(table.shape[1] for table in tables),
+        np.concatenate([*tables, np.zeros((2, 16))], axis=1).astype(np.float32),
+        _grids(grids),
+    )
+
+
+def _numbers(values: Sequence[Any], dtype: Any) -> NDArray[Any]:
+    return np.array([*values, 0] if not values else values, dtype)
+
+
+def _columns(rows: Sequence[Any], size: int) -> NDArray[np.float32]:
+    table = np.array(rows or [np.zeros(size)], np.float64)
+    return np.ascontiguousarray(table.T, np.float32)
+
+
+def _ends(counts: Any) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts]).astype(np.int32)
+
+
+def _factor(volume: Volume) -> Any:
+    return volume.rgb if isinstance(volume, ConstantVolume) else (1.0, 1.0, 1.0)
+
+
+def _majorant(medium: Medium) -> float:
+    if medium.plugin == "homogeneous":
+        return 0.0
+    # above every interpolated number, which rounding may raise by some units
+    return medium.scale * medium.sigma_t.maximum * (1.0 + 2.0**-20)
+
+
+def _box(volume: Volume) -> NDArray[np.float64]:
+    """Return the corners of the world's box around the unit cube of a volume, (6,)."""
+    corners = np.stack(np.meshgrid(*([[0.0, 1.0]] * 3)), axis=-1).reshape(-1, 3)
+    placed = corners @ volume.to_world[:3, :3].T + volume.to_world[:3, 3]
+    return np.concatenate((placed.min(axis=0), placed.max(axis=0)))
+
+
+# ---------------------------------------------------------------------- phase functions
+
+
+def _leaves(phase: Phase, share: float) -> Iterator[tuple[float, Phase]]:
+    """Yield the phase functions of a mixture with their shares, but those without any."""
+    if isinstance(phase, BlendedPhase):
+        yield from _leaves(phase.first, share * (1.0 - phase.weight))
+        yield from _leaves(phase.second, share * phase.weight)
+    elif share > 0.0:
+        yield share, phase
+
+
+def _kind(phase: Phase) -> int:
+    kinds: dict[type, int] = {
+        HenyeyGreenstein: HENYEY_GREENSTEIN,
+        RayleighPhase: RAYLEIGH,
+        TabulatedPhase: TABULATED,
+    }
+    return kinds.get(type(phase), ISOTROPIC)
+
+
+def _table(phase: Phase) -> NDArray[np.float64]:
+    """Return densities at equally spaced cosines, and their integrals up to there."""
+    if not isinstance(phase, TabulatedPhase):
+        return np.zeros((2, 0))
+    values = np.array(phase.values)
+    steps = (values[1:] + values[:-1]) / (len(values) - 1.0)
+    integral = np.concatenate(([0.0], np.cumsum(steps)))
+    return np.stack((values, integral)) / integral[-1]
+
+
+# ---------------------------------------------------------------------------------- grids
+
+
+def _grids(grids: Sequence[GridVolume]) -> Grids:
+    sizes = [grid.values.size for grid in grids]
+    if sum(sizes) > _MOST:
+        raise SceneError(
+            f"the grids of the scene's media have {sum(sizes)} numbers; {_MOST} are possible"
+        )
+    rows = []
+    for grid in grids:
+        inverse = np.linalg.inv(grid.to_world)
+        counts = np.array(grid.values.shape[2::-1])
+        scaled = inverse[:3] * counts[:, None]
+        rows.append(np.concatenate((scaled[:, :3].ravel(), scaled[:, 3])))
+    shapes = [grid.values.shape for grid in grids]
+    size = np.array([shape[2::-1] for shape in shapes] or [(1, 1, 1)], np.int32)
+    return Grids(
+        np.concatenate([*rows, np.zeros(16)]).astype(np.float32),
+        np.ascontiguousarray(size.T),
+        _numbers([shape[3] for shape in shapes], np.int32),
+        _ends(sizes),
+        _numbers([int(grid.filter_type == "nearest") for grid in grids], np.int32),
+        _numbers([_WRAPS[grid.wrap_mode] for grid in grids], np.int32),
+        np.concatenate([*(grid.values.ravel() for grid in grids), np.zeros(16, "f4")]),
+    )
