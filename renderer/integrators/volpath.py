@@ -2,7 +2,7 @@
 
 L(x, w) = T(x, y) L_o(y, w) + integral over t of T(x, x_t) sigma_s(x_t) S(x_t, w), where y
 is the surface that is seen, T the transmittance, and S the light that the phase function
-scatters into the direction w ([Pharr2023], equation 14.1). A path of the path integrator
+scatters into the direction w [Pharr2023, chapter 14]. A path of the path integrator
 in which a flight may end in between.
 """
 

@@ -145,14 +145,14 @@ def _table(phase: Phase) -> NDArray[np.float64]:
     return np.stack((values, integral)) / integral[-1]
 
 
-# ---------------------------------------------------------------------------------- grids
+# ------------------------------------------------------------------------------- grids
 
 
 def _grids(grids: Sequence[GridVolume]) -> Grids:
     sizes = [grid.values.size for grid in grids]
     if sum(sizes) > _MOST:
         raise SceneError(
-            f"the grids of the scene's media have {sum(sizes)} numbers; {_MOST} are possible"
+            f"the grids of the media have {sum(sizes)} numbers; {_MOST} are possible"
         )
     rows = []
     for grid in grids:

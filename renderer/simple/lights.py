@@ -87,7 +87,8 @@ def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> flo
         return SPHERE_PDF
     if cone := _cone(light, p):
         return 1.0 / (2.0 * math.pi * cone[1])
-    return hit.t**2 / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
+    squared = float(np.sum((hit.x - p) ** 2))  # not t: p may lie before the ray's origin
+    return squared / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
 
 
 def power_heuristic(pdf: float, other_pdf: float) -> float:

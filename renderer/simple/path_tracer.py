@@ -26,10 +26,11 @@ import numpy as np
 from renderer.scene_file.description import SceneDescription, Sensor
 from renderer.simple.bsdfs import BsdfSample, Lobe
 from renderer.simple.camera import Ray, Vector, camera_ray
-from renderer.simple.lights import pdf_light, power_heuristic, sample_light
+from renderer.simple.lights import power_heuristic, sample_light
 from renderer.simple.materials import Material
-from renderer.simple.scene import Scene, closest_hit, visible
+from renderer.simple.scene import Scene, closest_hit, emission, visible
 from renderer.simple.shapes import Hit
+from renderer.simple.volume_path import volpath_radiance
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
 # pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights
@@ -169,24 +170,8 @@ INTEGRATORS = {
     "path": path_radiance,
     "direct": direct_radiance,
     "whitted": whitted_radiance,
+    "volpath": volpath_radiance,
 }
-
-
-def emission(
-    scene: Scene, p: Vector, hit: Hit | None, came_by: BsdfSample | None, share: float = 1.0
-) -> Vector:
-    """Return L_e of what a ray from p has met, as far as it counts for this way to it.
-
-    A direction of a smooth lobe could have been a light sample as well, and is weighted.
-    `share` is the number of light samples for each sample of the BSDF.
-    """
-    light = scene.environment if hit is None else hit.light
-    if light is None:
-        return np.zeros(3)
-    weight = 1.0
-    if came_by is not None and came_by.lobe is Lobe.SMOOTH:
-        weight = power_heuristic(came_by.pdf, pdf_light(light, p, hit) * share)
-    return weight * np.array(light.radiance)
 
 
 def light_of_all(

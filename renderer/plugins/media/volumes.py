@@ -63,7 +63,7 @@ def _numbers_at(grids, first, step, place, sizes, wrap, mask):
 
 @kernel
 def _channel(grids, first, step, place, sizes, wrap, nearest, mask):
-    """Return one channel at 16 places in coordinates of cells, whose centres are k + 1/2."""
+    """Return one channel at 16 places in cells, whose centres are at k + 1/2."""
     half = select(nearest, splat_f32(0.0), splat_f32(0.5))
     x, y, z = place.x - half, place.y - half, place.z - half
     low = vec3(floor(x), floor(y), floor(z))

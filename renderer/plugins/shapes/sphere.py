@@ -26,7 +26,12 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.plugins.sampling.numbers_and_warps import TWO_PI, Plain, square_to_sphere
+from renderer.plugins.sampling.numbers_and_warps import (
+    TWO_PI,
+    FromLastEvent,
+    Plain,
+    square_to_sphere,
+)
 from renderer.plugins.shapes.flat import ZERO
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.primitives import Intersection, float32
