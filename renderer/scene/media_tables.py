@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.records.media import (
     HENYEY_GREENSTEIN,
     ISOTROPIC,
@@ -16,9 +15,9 @@ from renderer.kernels.records.media import (
     RAYLEIGH,
     TABULATED,
     VACUUM,
-    Grids,
     Media,
 )
+from renderer.plugins.media.volumes import grid_tables
 from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.media_description import (
     BlendedPhase,
@@ -31,9 +30,6 @@ from renderer.scene_file.media_description import (
     TabulatedPhase,
     Volume,
 )
-
-_WRAPS = {"clamp": 0, "repeat": 1, "mirror": 2}
-_MOST = 2**31 - 1  # numbers of all grids together: kernels count in 32 bits
 
 
 def media_tables(description: SceneDescription | None) -> Media:
@@ -79,7 +75,7 @@ def media_tables(description: SceneDescription | None) -> Media:
         _numbers([getattr(phase, "g", 0.0) for _, phase in flat], np.float32),
         _ends(table.shape[1] for table in tables),
         np.concatenate([*tables, np.zeros((2, 16))], axis=1).astype(np.float32),
-        _grids(grids),
+        grid_tables(grids),
     )
 
 
@@ -143,31 +139,3 @@ def _table(phase: Phase) -> NDArray[np.float64]:
     steps = (values[1:] + values[:-1]) / (len(values) - 1.0)
     integral = np.concatenate(([0.0], np.cumsum(steps)))
     return np.stack((values, integral)) / integral[-1]
-
-
-# ------------------------------------------------------------------------------- grids
-
-
-def _grids(grids: Sequence[GridVolume]) -> Grids:
-    sizes = [grid.values.size for grid in grids]
-    if sum(sizes) > _MOST:
-        raise SceneError(
-            f"the grids of the media have {sum(sizes)} numbers; {_MOST} are possible"
-        )
-    rows = []
-    for grid in grids:
-        inverse = np.linalg.inv(grid.to_world)
-        counts = np.array(grid.values.shape[2::-1])
-        scaled = inverse[:3] * counts[:, None]
-        rows.append(np.concatenate((scaled[:, :3].ravel(), scaled[:, 3])))
-    shapes = [grid.values.shape for grid in grids]
-    size = np.array([shape[2::-1] for shape in shapes] or [(1, 1, 1)], np.int32)
-    return Grids(
-        np.concatenate([*rows, np.zeros(16)]).astype(np.float32),
-        np.ascontiguousarray(size.T),
-        _numbers([shape[3] for shape in shapes], np.int32),
-        _ends(sizes),
-        _numbers([int(grid.filter_type == "nearest") for grid in grids], np.int32),
-        _numbers([_WRAPS[grid.wrap_mode] for grid in grids], np.int32),
-        np.concatenate([*(grid.values.ravel() for grid in grids), np.zeros(16, "f4")]),
-    )

@@ -104,7 +104,7 @@ def _sample_table(media, leaf, x):
     first = media.table_begin[leaf]
     last = media.table_begin[leaf + 1] - first - 1
     every = splat_mask(True)
-    low, high = splat_i32(0), splat_i32(last)
+    low, high = splat_i32(0), splat_i32(np.int32(last))
     while mask_bits(high - low > 1) != 0:
         middle = (low + high) >> 1
         below = gather_row(media.table, 1, middle + first, every) <= x

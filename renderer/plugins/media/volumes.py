@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     floor,
@@ -20,8 +22,46 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import affine_of, times, vec3
+from renderer.kernels.records.media import Grids
+from renderer.scene_file.media_description import GridVolume
 
 _FAR = np.float32(2.0**30)
+
+
+_WRAPS = {"clamp": 0, "repeat": 1, "mirror": 2}
+_MOST = 2**31 - 1  # numbers of all grids together: kernels count in 32 bits
+
+
+def grid_tables(grids: Sequence[GridVolume]) -> Grids:
+    """Return grids as tables, columns in their order.
+
+    Raises
+    ------
+    SceneError
+        If they have too many numbers together.
+    """
+    sizes = [grid.values.size for grid in grids]
+    if sum(sizes) > _MOST:
+        raise SceneError(
+            f"the grids of the media have {sum(sizes)} numbers; {_MOST} are possible"
+        )
+    rows = []
+    for grid in grids:
+        inverse = np.linalg.inv(grid.to_world)
+        counts = np.array(grid.values.shape[2::-1])
+        scaled = inverse[:3] * counts[:, None]
+        rows.append(np.concatenate((scaled[:, :3].ravel(), scaled[:, 3])))
+    shapes = [grid.values.shape for grid in grids]
+    size = np.array([shape[2::-1] for shape in shapes] or [(1, 1, 1)], np.int32)
+    return Grids(
+        np.concatenate([*rows, np.zeros(16)]).astype(np.float32),
+        np.ascontiguousarray(size.T),
+        np.array([*(shape[3] for shape in shapes), 1], np.int32),
+        np.cumsum([0, *sizes]).astype(np.int32),
+        np.array([*(grid.filter_type == "nearest" for grid in grids), 0], np.int32),
+        np.array([*(_WRAPS[grid.wrap_mode] for grid in grids), 0], np.int32),
+        np.concatenate([*(grid.values.ravel() for grid in grids), np.zeros(16, "f4")]),
+    )
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import renderer
-from mitsuba_ref.reference.variant import use_variant
+from mitsuba_ref.reference.variant import load_mitsuba
 
 SENSOR = """<sensor type="perspective"><float name="fov" value="20"/>
 <transform name="to_world"><lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform>
@@ -50,7 +50,7 @@ SCENES = {
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_mean_is_that_of_mitsuba(scene, tmp_path):
-    mitsuba = use_variant("scalar_rgb")
+    mitsuba = load_mitsuba()
     mitsuba.VolumeGrid(
         np.array([0.2, 1, 0.5, 0.8, 0.1, 0.6, 0.9, 0.3], "f4").reshape(2, 2, 2)
     ).write(str(tmp_path / "grid.vol"))

@@ -114,7 +114,7 @@ DAMAGED = {
 def test_damaged_files_are_one_error_that_names_them(case, tmp_path):
     content, message = DAMAGED[case]
     (tmp_path / "a.vol").write_bytes(content)
-    with pytest.raises(SceneError, match="a.vol") as refused:
+    with pytest.raises(SceneError, match=r"a\.vol") as refused:
         read_channels(tmp_path / "a.vol")
     assert message in str(refused.value)
 
