@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.scene_file.images.image import Image
-from renderer.scene_file.media_description import Medium
+from renderer.scene_file.media_description import GridVolume, Medium
 
 Rgb = tuple[float, float, float]
 
@@ -85,7 +85,21 @@ class MeshAttributeTexture:
     location: Location = NOWHERE
 
 
-Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
+@dataclass(frozen=True, eq=False)
+class VolumeTexture:
+    """What a grid of numbers in the world is at the points of a surface."""
+
+    volume: GridVolume
+    location: Location = NOWHERE
+
+
+Texture = (
+    ConstantTexture
+    | BitmapTexture
+    | CheckerboardTexture
+    | MeshAttributeTexture
+    | VolumeTexture
+)
 Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 

@@ -14,6 +14,7 @@ from renderer.scene_file.description import (
     ConstantLight,
     MeshAttributeTexture,
     SceneDescription,
+    VolumeTexture,
 )
 from renderer.scene_file.media_description import GridVolume
 from renderer.simple.bsdfs import Bsdf, BsdfSample, Lobe
@@ -121,9 +122,11 @@ def _check(description: SceneDescription, name: str) -> None:
             if bsdf.plugin not in BSDFS:
                 possible = ", ".join(BSDFS)
                 refuse(f"bsdf {bsdf.plugin!r}; possible are {possible}", shape.location)
-            if any(isinstance(t, MeshAttributeTexture) for t in _textures(bsdf)):
+            others = MeshAttributeTexture | VolumeTexture
+            if any(isinstance(t, others) for t in _textures(bsdf)):
                 possible = "bitmap and checkerboard"
-                refuse(f"texture mesh_attribute; possible are {possible}", shape.location)
+                what = "texture mesh_attribute or volume"
+                refuse(f"{what}; possible are {possible}", shape.location)
         for bsdf in bsdfs if name == "whitted" else ():
             if not _has_all_branches(bsdf):
                 refuse(
