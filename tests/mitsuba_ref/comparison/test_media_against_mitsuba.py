@@ -2,7 +2,7 @@
 
 Mitsuba has the integrator that is right in the scene at hand. False alarms: 24 means of
 colours, each with a limit of five standard errors, 1.4e-5 together. What is found: a factor
-of 1.01 to 1.02, the errors being 0.2 to 0.4 %.
+of 1.01 to 1.05, the errors being 0.2 to 1 %.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FLOOR = """<shape type="rectangle"><transform name="to_world"><rotate x="1" angl
 <scale value="3"/><translate y="-1.2"/></transform></shape>"""
 SKY = """<emitter type="constant"><rgb name="radiance" value=".3 .4 .5"/></emitter>"""
 BALL = """<shape type="sphere"><bsdf type="null"/><medium name="interior"
-type="homogeneous"><float name="scale" value="3"/><rgb name="sigma_t" value=".9 .5 .2"/>
+type="homogeneous"><float name="scale" value="3"/><rgb name="sigma_t" value=".7 .5 .4"/>
 <rgb name="albedo" value=".9 .8 .7"/><phase type="hg"><float name="g" value=".5"/></phase>
 </medium></shape>"""
 GRID = """<shape type="cube"><bsdf type="null"/><medium name="interior"
@@ -62,9 +62,9 @@ def test_the_mean_is_that_of_mitsuba(scene, tmp_path):
     theirs = mitsuba.load_file(str(tmp_path / "scene.xml"), optimize=False)
     both = (
         np.array([renderer.render(mine, seed=k, spp=256).pixels for k in range(16)]),
-        np.array([mitsuba.render(theirs, seed=k, spp=64) for k in range(16)]),
+        np.array([mitsuba.render(theirs, seed=k, spp=256) for k in range(16)]),
     )
     a, b = (pictures.reshape(16, -1, 3).mean(axis=1) for pictures in both)
     error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 16)
-    assert (error < 0.01 * a.mean(axis=0)).all()
+    assert (error < 0.02 * a.mean(axis=0)).all()
     assert (np.abs(a.mean(axis=0) - b.mean(axis=0)) < 5.0 * error).all()

@@ -42,7 +42,7 @@ def camera(fov=20.0, size=4, spp=64, distance=5.0, **more):
     }
 
 
-def described(medium, *, depth=-1, light=SKY, shape=None, more=None, spp=64, **sensor):
+def described(inside, *, depth=-1, light=SKY, shape=None, more=None, spp=64, **sensor):
     shape = shape or {"type": "cube", "bsdf": NULL}
     return renderer.load_dict(
         {
@@ -50,7 +50,7 @@ def described(medium, *, depth=-1, light=SKY, shape=None, more=None, spp=64, **s
             "integrator": {"type": "volpath", "max_depth": depth, "rr_depth": 50},
             "sensor": camera(spp=spp, **sensor),
             "light": light,
-            "shape": shape | {"interior": medium},
+            "shape": shape | {"interior": inside},
             **(more or {}),
         }
     )

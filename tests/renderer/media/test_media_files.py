@@ -6,7 +6,8 @@ import struct
 
 import numpy as np
 import pytest
-from scene_file_samples import error_of, ours, props, tag
+from scene_file_samples import error_of, ours
+from scene_xml import props, tag
 
 import renderer
 from renderer.errors import SceneError
@@ -30,9 +31,9 @@ def test_the_defaults_are_those_of_mitsuba():
 
 def test_colours_numbers_and_constant_volumes():
     found = read(
-        tag("rgb", name="sigma_t", value="0.5 0.25 1")
+        tag("rgb", sigma_t="0.5 0.25 1")
         + '<volume type="constvolume" name="albedo">'
-        + tag("rgb", name="value", value="0.9 2 0.1")
+        + tag("rgb", value="0.9 2 0.1")
         + "</volume>"
         + props(scale=40.0)
     )
@@ -50,7 +51,7 @@ def test_a_shape_without_media_is_no_boundary():
 
 PHASES = {
     "hg": (props(g=1.0), "found 1, expected a mean cosine between -1 and 1"),
-    "tabphase": (tag("string", name="values", value="1 -1"), "two or more numbers of at"),
+    "tabphase": (tag("string", values="1 -1"), "two or more numbers of at"),
     "blendphase": (props(weight=0.5), "found 0 phase functions, expected two"),
     "rayleigh": (props(g=0.5), 'phase "rayleigh" has no property "g"'),
     "sggx": ("", 'phase "sggx" is not supported; supported phase plugins: isotropic'),
@@ -66,7 +67,7 @@ def test_phase_functions_that_are_wrong(plugin):
 
 WRONG = {
     "negative": (props(sigma_t=-1.0), "found -1, expected numbers of at least 0"),
-    "too large": (tag("rgb", name="sigma_t", value="2 1 1"), "a reflectance in [0, 1]"),
+    "too large": (tag("rgb", sigma_t="2 1 1"), "a reflectance in [0, 1]"),
     "unknown": (props(sigma_s=1.0), 'has no property "sigma_s"'),
     "dense": (props(scale=1e20), "expected at least 0 and at most 1e+09"),
 }
@@ -131,13 +132,13 @@ def test_a_grid_with_its_box(tmp_path):
     (tmp_path / "a.vol").write_bytes(volume_bytes(VALUES, (-1, -1, -1, 3, 3, 3)))
     text = medium(
         '<volume type="gridvolume" name="sigma_t">'
-        + tag("string", name="filename", value=str(tmp_path / "a.vol"))
+        + props(filename=str(tmp_path / "a.vol"))
         + props(use_grid_bbox=True)
-        + tag("string", name="wrap_mode", value="mirror")
+        + tag("string", wrap_mode="mirror")
         + "</volume>",
         "heterogeneous",
     )
-    grid = ours(text).shapes[0].interior.sigma_t
+    grid = ours(text, folder=tmp_path).shapes[0].interior.sigma_t
     assert grid.wrap_mode == "mirror"
     np.testing.assert_array_equal(grid.to_world @ (0, 0, 0, 1), (-1, -1, -1, 1))
     np.testing.assert_array_equal(grid.to_world @ (1, 1, 1, 1), (3, 3, 3, 1))

@@ -59,7 +59,7 @@ def found_for(phase, given, sampled):
     padded = np.pad(given, [(0, 0), (0, 32)], mode="edge").astype(np.float32)
     found = np.zeros_like(padded)
     run(tables(PHASES[phase]), padded, found, sampled)
-    return found[:, : given.shape[1]]
+    return found[:, : given.shape[1]].astype(np.float64)
 
 
 @pytest.mark.parametrize("phase", PHASES)
