@@ -51,7 +51,7 @@ def media_tables(description: SceneDescription | None) -> Media:
         boundary = shape.interior is not None or shape.exterior is not None
         inside, outside = number(shape.interior), number(shape.exterior)
         sides.append((inside, outside) if boundary else (int(NO_BOUNDARY),) * 2)
-    interior, exterior = np.array(sides or [(NO_BOUNDARY,) * 2], np.int32).T
+    interior, exterior = np.array(sides or [(int(NO_BOUNDARY),) * 2], np.int32).T
     volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
     grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
     place = {id(grid): k for k, grid in enumerate(grids)}
