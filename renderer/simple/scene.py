@@ -12,12 +12,14 @@ from renderer.scene_file.description import (
     ConstantLight,
     MeshAttributeTexture,
     SceneDescription,
+    SunSky,
 )
 from renderer.simple.bsdfs import Bsdf
 from renderer.simple.camera import Vector
 from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Group, Hit, Surface
+from renderer.simple.sky import Sky
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
@@ -66,12 +68,11 @@ class Scene:
             for kind in kinds
         ]
         order = light_order(description)
-        numbered: dict[int, Light] = dict(
-            zip(order.of_emitters, description.emitters, strict=True)
-        )
+        emitters = [Sky(e) if isinstance(e, SunSky) else e for e in description.emitters]
+        numbered: dict[int, Light] = dict(zip(order.of_emitters, emitters, strict=True))
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
         self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
-        skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
+        skies = [e for e in emitters if isinstance(e, ConstantLight | Sky)]
         self.environment = skies[0] if skies else None
 
 
@@ -129,7 +130,7 @@ def _check(description: SceneDescription, name: str) -> None:
                 )
     for emitter in description.emitters:
         if not isinstance(emitter, EMITTERS):
-            possible = "point, spot, directional, constant and area"
+            possible = "point, spot, directional, constant, sunsky and area"
             refuse(f"emitter {getattr(emitter, 'plugin', '')!r}; possible are {possible}")
         if getattr(emitter, "texture", None) is not None:
             refuse("textures on lights; possible is one colour")

@@ -44,7 +44,7 @@ def true_pixels(
     of_file = description.integrator.nested or description.integrator
     integrator = dataclasses.replace(of_file, name="whitted", aovs=(), nested=None)
     scene = Scene(dataclasses.replace(description, integrator=integrator))
-    if any(isinstance(light, Surface | ConstantLight) for light in scene.lights):
+    if any(isinstance(light, Surface | ConstantLight | Sky) for light in scene.lights):
         raise SceneError(f"{description.source}: light from all sides has noise")
     film = description.camera.film
     radiance = np.zeros((len(pixels), 3))

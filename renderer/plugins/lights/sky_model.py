@@ -1,0 +1,189 @@
+"""The sun and the sky of Hosek and Wilkie: the numbers of one sky, in NumPy.
+
+Their model of the sky [Hosek2012] and of the sun [Hosek2013] is a table that was fitted to
+an atmosphere's simulation: nine parameters of a formula and a radiance, by turbidity,
+albedo of the ground and elevation of the sun. `sunsky.npz` has what Mitsuba's `sunsky` uses
+of it in RGB, in single precision as there; docs/make_sunsky_tables.py made the file.
+
+Directions are local: z is up. What depends on no direction is computed here, in double
+precision but where Mitsuba's rounding is part of the result.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.scene_file.description import SunSky
+
+Array = NDArray[np.float64]
+
+APERTURE = 0.5358  # [deg] of the real sun, for which the tables are
+# A unit spectrum has the luminance 1 / _Y; radiances of the sun are means over wavelengths,
+# those of the sky are colours already.
+_Y = 106.7502593994140625
+_SUN_TO_RGB = 467.069280386
+_BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
+_BELOW_ONE = 1.0 - 2.0**-24
+# Mitsuba's sine of a right angle's rest, in single precision: a lower sun gives no light.
+_HORIZON = 4.4e-8
+
+
+class Sky(NamedTuple):
+    """One sky in its local frame; all radiances are 0 if the sun is below the horizon."""
+
+    sun: Array  # (3,) unit, towards its centre
+    risen: bool
+    parameters: Array  # (9, 3) of the formula, by channel
+    radiance: Array  # (3,) its factor
+    disk: Array  # (3,) radiance of a sun of one colour
+    limb: Array  # (45, 3, 4, 6) of one with a limb, by segment of elevation
+    cosine: float  # of half the aperture, a float32: where the sun ends
+    share: float  # of samples that go to the sky, not to the sun
+    warp: Array  # (5,) share of the peak, slope of the rest; the peak's mean and deviations
+    mean: float  # radiance over all directions, sun included
+
+
+@functools.cache
+def tables() -> dict[str, Array]:
+    """Return the tables by name; the first axis is the turbidity, from 1 to 10.
+
+    sky_parameters (10, 2 albedos, 6 points of a curve over elevation, 3 channels, 9),
+    sky_radiance (10, 2, 6, 3), sun_radiance (10, 45 segments, 3, 4 powers of the elevation,
+    6 of the cosine to the sun's surface), and by 30 elevations from 2 degrees on: sky_power
+    and sun_power (10, 30), luminance over all directions; sun_rgb (10, 30, 3), irradiance;
+    warp (10, 30, 5).
+    """
+    with np.load(Path(__file__).with_name("sunsky.npz")) as file:
+        return {name: file[name].astype(np.float64) for name in file.files}
+
+
+def between(table: Array, place: float) -> Array:
+    """Return a table's entry at a place on its first axis, linear between two of them."""
+    place = min(max(place, 0.0), len(table) - 1.0)
+    low = min(int(place), len(table) - 2)
+    return np.asarray(table[low] + (table[low + 1] - table[low]) * (place - low))
+
+
+def make_sky(light: SunSky) -> Sky:
+    """Return the numbers of a sky."""
+    sun = np.linalg.inv(light.to_world[:3, :3]) @ np.array(light.sun_direction)
+    sun /= np.linalg.norm(sun)
+    elevation = math.atan2(sun[2], math.hypot(sun[0], sun[1]))
+    risen = bool(sun[2] > _HORIZON)
+    t = light.turbidity - 1.0
+    of_turbidity = {name: between(table, t) for name, table in tables().items()}
+
+    x = min(np.cbrt(max(2.0 / math.pi * elevation, 0.0)), _BELOW_ONE)
+    powers = np.arange(6)
+    curve = _BINOMIALS * x**powers * (1.0 - x) ** (5 - powers)
+
+    def at_elevation(name: str) -> Array:
+        dark, bright = of_turbidity[name]
+        albedo = np.reshape(light.albedo, (3, *(1,) * (dark.ndim - 2)))
+        return np.tensordot(curve, dark + (bright - dark) * albedo, 1)
+
+    step = (math.degrees(elevation) - 2.0) / 3.0
+    sky_power = light.sky_scale * float(between(of_turbidity["sky_power"], step))
+    sun_power = light.sun_scale * float(between(of_turbidity["sun_power"], step))
+    cosine, real = _half_cosine(light.sun_aperture), _half_cosine(APERTURE)
+    larger = (1.0 - real) / (1.0 - cosine)  # a larger sun has less radiance
+    both = sky_power + sun_power * larger
+    sun_scale = light.sun_scale * larger * _SUN_TO_RGB / _Y if risen else 0.0
+    sky_scale = light.sky_scale / _Y if risen else 0.0
+    irradiance = between(of_turbidity["sun_rgb"], step)
+    return Sky(
+        sun,
+        risen,
+        at_elevation("sky_parameters").T,
+        at_elevation("sky_radiance") * sky_scale,
+        irradiance / (2.0 * math.pi * (1.0 - real)) * sun_scale,
+        of_turbidity["sun_radiance"] * sun_scale,
+        cosine,
+        sky_power / both if both > 0.0 else 0.0,
+        between(of_turbidity["warp"], 29.0 * (math.degrees(elevation) - 2.0) / 86.0),
+        risen * (sky_power + sun_power) * _SUN_TO_RGB / _Y / (4.0 * math.pi),
+    )
+
+
+def _half_cosine(aperture: float) -> float:
+    """Return the cosine of half an angle [deg], as Mitsuba's in single precision.
+
+    1 - cosine is the share of the sphere that the sun fills: 0.2 % off for the real sun.
+    """
+    half = np.float32(0.5) * np.float32(aperture) * np.float32(math.pi / 180.0)
+    return float(np.float32(math.cos(float(half))))
+
+
+def smallest_sun(aperture: float) -> bool:
+    """Return whether a sun of this aperture [deg] fills no solid angle in float32."""
+    return _half_cosine(aperture) == 1.0
+
+
+# -------------------------------------------------------------------------------- dates
+
+
+class Moment(NamedTuple):
+    """When and where; the defaults are Mitsuba's."""
+
+    latitude: float = 35.6894  # [deg]
+    longitude: float = 139.6917  # [deg] east
+    timezone: float = 9.0  # [h]
+    year: int = 2010
+    month: int = 7
+    day: int = 10
+    hour: float = 15.0
+    minute: float = 0.0
+    second: float = 0.0
+
+
+def sun_at(when: Moment) -> Array:
+    """Return the direction to the sun: +x where it is at noon in the north, morning at -y.
+
+    The formulas of [BlancoMuriel2001] in single precision, as Mitsuba has them. There the
+    Julian date moves in steps of a quarter of a day, which turns the sun by up to 8e-4.
+    """
+    f = np.float32
+    hours = f(when.hour) - f(when.timezone)
+    hours = hours + (f(when.minute) + f(when.second) / f(60)) / f(60)
+    january = _quotient(when.month - 14, 12)
+    number = _quotient(1461 * (when.year + 4800 + january), 4)
+    number += _quotient(367 * (when.month - 2 - 12 * january), 12)
+    number -= _quotient(3 * _quotient(when.year + 4900 + january, 100), 4)
+    number += when.day - 32075
+    days: Any = f(number) - f(0.5) + hours / f(24) - f(2451545)
+
+    omega = f(2.1429) - f(0.0010394594) * days
+    longitude = f(4.8950630) + f(0.017202791698) * days
+    anomaly = f(6.2400600) + f(0.0172019699) * days
+    longitude = longitude + f(0.03341607) * np.sin(anomaly)
+    longitude = longitude + f(0.00034894) * np.sin(f(2) * anomaly)
+    longitude = longitude - f(0.0001134) - f(0.0000203) * np.sin(omega)
+    obliquity = f(0.4090928) - f(6.2140e-9) * days + f(0.0000396) * np.cos(omega)
+    ascension = np.arctan2(np.cos(obliquity) * np.sin(longitude), np.cos(longitude))
+    ascension = ascension + (f(2.0 * math.pi) if ascension < 0 else f(0))
+    declination = np.arcsin(np.sin(obliquity) * np.sin(longitude))
+
+    degree = f(math.pi / 180.0)
+    sidereal = f(6.6974243242) + f(0.0657098283) * days + hours
+    angle = (sidereal * f(15) + f(when.longitude)) * degree - ascension
+    latitude = f(when.latitude) * degree
+    sine, cosine = np.sin(latitude), np.cos(latitude)
+    height = cosine * np.cos(angle) * np.cos(declination) + np.sin(declination) * sine
+    theta = np.arccos(np.clip(height, f(-1), f(1)))
+    along = np.tan(declination) * cosine - sine * np.cos(angle)
+    phi = np.arctan2(-np.sin(angle), along) - f(math.pi)
+    # seen from the ground, not from the Earth's centre: its radius over the sun's distance
+    theta = theta + f(6371.01 / 149597890) * np.sin(theta)
+    t, p = float(theta), float(phi)
+    return np.array([math.sin(t) * math.cos(p), math.sin(t) * math.sin(p), math.cos(t)])
+
+
+def _quotient(a: int, b: int) -> int:
+    """Divide towards zero, as C does."""
+    return int(a / b)
