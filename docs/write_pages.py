@@ -62,6 +62,7 @@ OTHERS = {
     "intensity": "colour",
     "irradiance": "colour",
     "radiance": "colour",
+    "sun_direction": "vector",
     "to_world": "transform",
 }
 CONSTANTS: dict[str, Parameters] = {

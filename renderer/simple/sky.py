@@ -49,7 +49,7 @@ class Sky:
         return 2.0 * math.asin(min(0.5 * float(np.linalg.norm(local - self.sky.sun)), 1.0))
 
     def _of_sky(self, local: Vector) -> Vector:
-        """Return the radiance of the sky [Hosek2012, equations 8 and 9]."""
+        """Return the radiance of the sky [Hosek2012]."""
         a, b, c, d, e, f, g, i, h = self.sky.parameters  # their names, in Mitsuba's order
         angle, height = self._angle(local), local[2]
         cos = math.cos(angle)

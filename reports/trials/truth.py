@@ -18,6 +18,7 @@ from renderer.simple.camera import Vector, camera_ray
 from renderer.simple.path_tracer import whitted_radiance
 from renderer.simple.scene import Scene
 from renderer.simple.shapes import Surface
+from renderer.simple.sky import Sky
 
 CENTRE = (0.5, 0.5, 0.5, 0.5)  # in the place of four random numbers
 
