@@ -145,8 +145,9 @@ class Moment(NamedTuple):
 def sun_at(when: Moment) -> Array:
     """Return the direction to the sun: +x where it is at noon in the north, morning at -y.
 
-    The formulas of [BlancoMuriel2001] in single precision, as Mitsuba has them. There the
-    Julian date moves in steps of a quarter of a day, which turns the sun by up to 8e-4.
+    The formulas of [BlancoMuriel2001] in single precision, with the sums that are fused in
+    Mitsuba's wheels. There the Julian date moves in steps of a quarter of a day, which turns
+    the sun by up to 8e-4.
     """
     f = np.float32
     hours = f(when.hour) - f(when.timezone)
@@ -158,30 +159,36 @@ def sun_at(when: Moment) -> Array:
     number += when.day - 32075
     days: Any = f(number) - f(0.5) + hours / f(24) - f(2451545)
 
-    omega = f(2.1429) - f(0.0010394594) * days
-    longitude = f(4.8950630) + f(0.017202791698) * days
-    anomaly = f(6.2400600) + f(0.0172019699) * days
-    longitude = longitude + f(0.03341607) * np.sin(anomaly)
-    longitude = longitude + f(0.00034894) * np.sin(f(2) * anomaly)
-    longitude = longitude - f(0.0001134) - f(0.0000203) * np.sin(omega)
-    obliquity = f(0.4090928) - f(6.2140e-9) * days + f(0.0000396) * np.cos(omega)
+    omega = _sum(2.1429, -0.0010394594, days)
+    anomaly = _sum(6.2400600, 0.0172019699, days)
+    longitude = _sum(4.8950630, 0.017202791698, days)
+    longitude = _sum(longitude, 0.03341607, np.sin(anomaly))
+    longitude = _sum(longitude, 0.00034894, np.sin(f(2) * anomaly)) - f(0.0001134)
+    longitude = _sum(longitude, -0.0000203, np.sin(omega))
+    obliquity = _sum(_sum(0.4090928, -6.2140e-9, days), 0.0000396, np.cos(omega))
     ascension = np.arctan2(np.cos(obliquity) * np.sin(longitude), np.cos(longitude))
     ascension = ascension + (f(2.0 * math.pi) if ascension < 0 else f(0))
     declination = np.arcsin(np.sin(obliquity) * np.sin(longitude))
 
     degree = f(math.pi / 180.0)
-    sidereal = f(6.6974243242) + f(0.0657098283) * days + hours
-    angle = (sidereal * f(15) + f(when.longitude)) * degree - ascension
+    sidereal = _sum(6.6974243242, 0.0657098283, days) + hours
+    angle = _sum(when.longitude, 15.0, sidereal) * degree - ascension
     latitude = f(when.latitude) * degree
     sine, cosine = np.sin(latitude), np.cos(latitude)
-    height = cosine * np.cos(angle) * np.cos(declination) + np.sin(declination) * sine
+    height = np.sin(declination) * sine
+    height = _sum(height, cosine * np.cos(angle), np.cos(declination))
     theta = np.arccos(np.clip(height, f(-1), f(1)))
-    along = np.tan(declination) * cosine - sine * np.cos(angle)
-    phi = np.arctan2(-np.sin(angle), along) - f(math.pi)
+    along = _sum(-(sine * np.cos(angle)), np.tan(declination), cosine)
+    phi = float(np.arctan2(-np.sin(angle), along) - f(math.pi))
     # seen from the ground, not from the Earth's centre: its radius over the sun's distance
-    theta = theta + f(6371.01 / 149597890) * np.sin(theta)
-    t, p = float(theta), float(phi)
-    return np.array([math.sin(t) * math.cos(p), math.sin(t) * math.sin(p), math.cos(t)])
+    t = float(_sum(theta, 6371.01 / 149597890, np.sin(theta)))
+    return np.array([math.sin(t) * math.cos(phi), math.sin(t) * math.sin(phi), math.cos(t)])
+
+
+def _sum(a: Any, b: Any, c: Any) -> Any:
+    """Return a + b c of float32, rounded once."""
+    f = np.float32
+    return f(float(f(a)) + float(f(b)) * float(f(c)))
 
 
 def _quotient(a: int, b: int) -> int:
