@@ -125,72 +125,54 @@ def smallest_sun(aperture: float) -> bool:
     return _half_cosine(aperture) == 1.0
 
 
-# -------------------------------------------------------------------------------- dates
+# ------------------------------------------------------------------------------ sampling
 
 
-class Moment(NamedTuple):
-    """When and where; the defaults are Mitsuba's."""
+class SkyWarp(NamedTuple):
+    """How directions of the sky are chosen, by c, the cosine to the zenith, and azimuth."""
 
-    latitude: float = 35.6894  # [deg]
-    longitude: float = 139.6917  # [deg] east
-    timezone: float = 9.0  # [h]
-    year: int = 2010
-    month: int = 7
-    day: int = 10
-    hour: float = 15.0
-    minute: float = 0.0
-    second: float = 0.0
-
-
-def sun_at(when: Moment) -> Array:
-    """Return the direction to the sun: +x where it is at noon in the north, morning at -y.
-
-    The formulas of [BlancoMuriel2001] in single precision, with the sums that are fused in
-    Mitsuba's wheels. There the Julian date moves in steps of a quarter of a day, which turns
-    the sun by up to 8e-4.
-    """
-    f = np.float32
-    hours = f(when.hour) - f(when.timezone)
-    hours = hours + (f(when.minute) + f(when.second) / f(60)) / f(60)
-    january = _quotient(when.month - 14, 12)
-    number = _quotient(1461 * (when.year + 4800 + january), 4)
-    number += _quotient(367 * (when.month - 2 - 12 * january), 12)
-    number -= _quotient(3 * _quotient(when.year + 4900 + january, 100), 4)
-    number += when.day - 32075
-    days: Any = f(number) - f(0.5) + hours / f(24) - f(2451545)
-
-    omega = _sum(2.1429, -0.0010394594, days)
-    anomaly = _sum(6.2400600, 0.0172019699, days)
-    longitude = _sum(4.8950630, 0.017202791698, days)
-    longitude = _sum(longitude, 0.03341607, np.sin(anomaly))
-    longitude = _sum(longitude, 0.00034894, np.sin(f(2) * anomaly)) - f(0.0001134)
-    longitude = _sum(longitude, -0.0000203, np.sin(omega))
-    obliquity = _sum(_sum(0.4090928, -6.2140e-9, days), 0.0000396, np.cos(omega))
-    ascension = np.arctan2(np.cos(obliquity) * np.sin(longitude), np.cos(longitude))
-    ascension = ascension + (f(2.0 * math.pi) if ascension < 0 else f(0))
-    declination = np.arcsin(np.sin(obliquity) * np.sin(longitude))
-
-    degree = f(math.pi / 180.0)
-    sidereal = _sum(6.6974243242, 0.0657098283, days) + hours
-    angle = _sum(when.longitude, 15.0, sidereal) * degree - ascension
-    latitude = f(when.latitude) * degree
-    sine, cosine = np.sin(latitude), np.cos(latitude)
-    height = np.sin(declination) * sine
-    height = _sum(height, cosine * np.cos(angle), np.cos(declination))
-    theta = np.arccos(np.clip(height, f(-1), f(1)))
-    along = _sum(-(sine * np.cos(angle)), np.tan(declination), cosine)
-    phi = float(np.arctan2(-np.sin(angle), along) - f(math.pi))
-    # seen from the ground, not from the Earth's centre: its radius over the sun's distance
-    t = float(_sum(theta, 6371.01 / 149597890, np.sin(theta)))
-    return np.array([math.sin(t) * math.cos(phi), math.sin(t) * math.sin(phi), math.cos(t)])
+    peak: float  # share of the normal distribution
+    slope: float  # of the rest: c = slope x / sqrt(1 + x^2 (slope^2 - 1))
+    mean: float  # of c; that of the azimuth is the sun's
+    spread_c: float  # standard deviations
+    spread_azimuth: float
+    below_c: float  # share of c below 0, and the share in [0, 1]
+    within_c: float
+    below_azimuth: float  # the same of [-pi, pi]
+    within_azimuth: float
+    azimuth: float  # of the sun
+    along_x: float  # its cosine and sine
+    along_y: float
+    peak_density: float  # [1/sr] at the mean
+    rest_density: float  # [1/sr] at the horizon
+    rest_slope: float
 
 
-def _sum(a: Any, b: Any, c: Any) -> Any:
-    """Return a + b c of float32, rounded once."""
-    f = np.float32
-    return f(float(f(a)) + float(f(b)) * float(f(c)))
+def sky_warp(numbers: Array, azimuth: float) -> SkyWarp:
+    """Return what samples of the sky need, from `Sky.warp` and the sun's azimuth."""
+    peak, slope, mean, spread_c, spread_azimuth = map(float, numbers)
+    below_c, above_c = (_normal_share((c - mean) / spread_c) for c in (0.0, 1.0))
+    below, above = (_normal_share(a / spread_azimuth) for a in (-math.pi, math.pi))
+    area = 2.0 * math.pi * spread_c * spread_azimuth * (above_c - below_c) * (above - below)
+    return SkyWarp(
+        peak,
+        slope,
+        mean,
+        spread_c,
+        spread_azimuth,
+        below_c,
+        above_c - below_c,
+        below,
+        above - below,
+        azimuth,
+        math.cos(azimuth),
+        math.sin(azimuth),
+        peak / area,
+        (1.0 - peak) / (2.0 * math.pi * slope),
+        1.0 / slope**2 - 1.0,
+    )
 
 
-def _quotient(a: int, b: int) -> int:
-    """Divide towards zero, as C does."""
-    return int(a / b)
+def _normal_share(x: float) -> float:
+    """Return the share of the standard normal distribution below x."""
+    return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))

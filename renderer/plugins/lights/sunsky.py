@@ -51,7 +51,13 @@ from renderer.plugins.lights.environment import (
 )
 from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
-from renderer.plugins.lights.sky_model import Moment, make_sky, smallest_sun, sun_at
+from renderer.plugins.lights.sky_model import (
+    SkyWarp,
+    make_sky,
+    sky_warp,
+    smallest_sun,
+)
+from renderer.plugins.lights.sun_position import read_sun_direction
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI, square_to_disk
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import SunSky
@@ -62,19 +68,6 @@ _LEAST = np.float32(2.0**-24)  # of a probability that is turned into a deviatio
 _SEGMENTS = 45  # of the sun's elevation
 _CHANNEL, _POWER = 24, 6  # rows of `limb` for each
 _MOST_SCALE = 1e20  # the smallest sun is still below 1e30
-
-_TIMES = {  # least and most of what says where and when
-    "latitude": (-90.0, 90.0),
-    "longitude": (-360.0, 360.0),
-    "timezone": (-24.0, 24.0),
-    "year": (1, 9999),
-    "month": (1, 12),
-    "day": (1, 31),
-    "hour": (0.0, 24.0),
-    "minute": (0.0, 60.0),
-    "second": (0.0, 60.0),
-}
-
 
 # -------------------------------------------------------------------------------- reader
 
@@ -88,7 +81,7 @@ def read(properties: Any) -> SunSky:
         properties.fail("sun_aperture", found, "at least 0.028 degrees")
     scales = {"at_least": 0.0, "at_most": _MOST_SCALE}
     light = SunSky(
-        _sun_direction(properties, to_world),
+        read_sun_direction(properties, to_world),
         properties.number("turbidity", 3.0, at_least=1.0, at_most=10.0),
         read_color(properties, "albedo", 0.3, Use.REFLECTANCE),
         properties.number("sun_scale", 1.0, **scales),
@@ -106,50 +99,7 @@ def read(properties: Any) -> SunSky:
     return light
 
 
-def _sun_direction(properties: Any, to_world: Any) -> tuple[float, float, float]:
-    """Return the unit direction to the sun in the world: as given, or by place and time."""
-    defaults, values = Moment(), {}
-    given = [name for name in _TIMES if properties.has(name)]
-    for name, (least, most) in _TIMES.items():
-        reader = properties.integer if isinstance(least, int) else properties.number
-        default = getattr(defaults, name)
-        values[name] = reader(name, default, at_least=least, at_most=most)
-    if not properties.has("sun_direction"):
-        sun = to_world[:3, :3] @ sun_at(Moment(**values))
-    elif given:
-        properties.fail(
-            given[0], 'a value together with "sun_direction"', "a direction, or place and time"
-        )
-    else:
-        sun = np.array(properties.vector("sun_direction", None))
-        if not sun.any():
-            properties.fail("sun_direction", "the zero vector", "a direction")
-        sun = sun / np.abs(sun).max()  # so that no square under- or overflows
-    x, y, z = (float(value) for value in sun / np.linalg.norm(sun))
-    return x, y, z
-
-
 # --------------------------------------------------------------------------------- table
-
-
-class SkyWarp(NamedTuple):
-    """How directions of the sky are chosen, by c, the cosine to the zenith, and azimuth."""
-
-    peak: float  # share of the normal distribution
-    slope: float  # of the rest: c = slope x / sqrt(1 + x^2 (slope^2 - 1))
-    mean: float  # of c; that of the azimuth is the sun's
-    spread_c: float  # standard deviations
-    spread_azimuth: float
-    below_c: float  # share of c below 0, and the share in [0, 1]
-    within_c: float
-    below_azimuth: float  # the same of [-pi, pi]
-    within_azimuth: float
-    azimuth: float  # of the sun
-    along_x: float  # its cosine and sine
-    along_y: float
-    peak_density: float  # [1/sr] at the mean
-    rest_density: float  # [1/sr] at the horizon
-    rest_slope: float
 
 
 class SunSkies(NamedTuple):
@@ -194,40 +144,11 @@ def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
         sky.share,
         sky.share if sky.risen else 0.0,
         (1.0 - sky.share) / (2.0 * math.pi * height) if sky.risen else 0.0,
-        _warp(sky.warp, math.atan2(sky.sun[1], sky.sun[0])),
+        sky_warp(sky.warp, math.atan2(sky.sun[1], sky.sun[0])),
         np.ascontiguousarray(to_world, np.float32),
         np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
         beyond,
     )
-
-
-def _warp(numbers: NDArray[np.float64], azimuth: float) -> SkyWarp:
-    peak, slope, mean, spread_c, spread_azimuth = map(float, numbers)
-    below_c, above_c = (_normal_share((c - mean) / spread_c) for c in (0.0, 1.0))
-    below, above = (_normal_share(a / spread_azimuth) for a in (-math.pi, math.pi))
-    area = 2.0 * math.pi * spread_c * spread_azimuth * (above_c - below_c) * (above - below)
-    return SkyWarp(
-        peak,
-        slope,
-        mean,
-        spread_c,
-        spread_azimuth,
-        below_c,
-        above_c - below_c,
-        below,
-        above - below,
-        azimuth,
-        math.cos(azimuth),
-        math.sin(azimuth),
-        peak / area,
-        (1.0 - peak) / (2.0 * math.pi * slope),
-        1.0 / slope**2 - 1.0,
-    )
-
-
-def _normal_share(x: float) -> float:
-    """Return the share of the standard normal distribution below x."""
-    return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))
 
 
 def bounds(light: SunSky) -> LightBounds:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from light_probes import LightProbe
 
-from renderer.plugins.lights import sky_model
+from renderer.plugins.lights import sky_model, sun_position
 
 mi.set_variant("scalar_rgb")
 
@@ -105,7 +105,7 @@ def test_dates():
     rng = np.random.default_rng(4)
     apart = []
     for _ in range(200):
-        when = sky_model.Moment(
+        when = sun_position.Moment(
             latitude=float(np.float32(rng.uniform(-80, 80))),
             longitude=float(np.float32(rng.uniform(-180, 180))),
             timezone=float(rng.integers(-11, 12)),
@@ -118,7 +118,7 @@ def test_dates():
         )
         theirs = mi.load_dict({"type": "sunsky", **when._asdict()})
         expected = np.array(mi.traverse(theirs)["sun_direction"]).ravel()
-        apart.append(np.abs(sky_model.sun_at(when) - expected).max())
+        apart.append(np.abs(sun_position.sun_at(when) - expected).max())
     assert np.median(apart) < 5e-6 and max(apart) < 5e-5, (np.median(apart), max(apart))
 
 

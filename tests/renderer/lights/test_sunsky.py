@@ -14,7 +14,8 @@ from small_scenes import diffuse, floor, pixels, scene, sensor
 
 import renderer
 from renderer.errors import SceneError
-from renderer.plugins.lights.sky_model import Moment, make_sky, sun_at
+from renderer.plugins.lights.sky_model import make_sky
+from renderer.plugins.lights.sun_position import Moment, sun_at
 from renderer.scene.light_tables import light_bounds
 from renderer.scene_file import read_dict, read_string
 from renderer.simple.sky import Sky
