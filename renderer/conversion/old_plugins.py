@@ -83,9 +83,9 @@ SUN_AND_SKY = {
     "sun": ("sun_scale", "sky_scale"),
     "sunsky": ("", ""),
 }
-# Their y was up, with z in the south and x in the east. Now z is up, with x in the south and
-# y in the west: a mirroring, which the sky is not changed by. A direction that is given
-# needs no compass.
+# Their y was up, with z in the south and x in the east. Now z is up, with x in the south
+# and y in the west: a mirroring, which does not change a sky. A sun that is given by its
+# direction needs no compass.
 UPRIGHT = '<rotate x="1" angle="-90"/>'
 UPRIGHT_BY_COMPASS = '<matrix value="0 -1 0 0  0 0 1 0  1 0 0 0  0 0 0 1"/>'
 UV = ("uscale", "vscale", "uoffset", "voffset")

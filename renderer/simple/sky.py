@@ -25,7 +25,8 @@ class Sky:
         self.one_minus_cos = 1.0 - self.sky.cosine
         self.azimuth = math.atan2(self.sky.sun[1], self.sky.sun[0])
         _, _, mean, spread_c, spread_azimuth = self.sky.warp
-        self.by_c, self.by_azimuth = NormalDist(mean, spread_c), NormalDist(0, spread_azimuth)
+        self.by_c = NormalDist(mean, spread_c)
+        self.by_azimuth = NormalDist(0.0, spread_azimuth)
 
     def local(self, d: Vector) -> Vector:
         """Return a direction in the frame where z is up."""

@@ -66,6 +66,7 @@ _HALF_PI = np.float32(0.5 * np.pi)
 _ROOT_2 = np.float32(np.sqrt(2.0))
 _LEAST = np.float32(2.0**-24)  # of a probability that is turned into a deviation
 _SEGMENTS = 45  # of the sun's elevation
+_LAST = np.int32(_SEGMENTS - 1)
 _CHANNEL, _POWER = 24, 6  # rows of `limb` for each
 _MOST_SCALE = 1e20  # the smallest sun is still below 1e30
 
@@ -109,7 +110,7 @@ class SunSkies(NamedTuple):
     coefficients: NDArray[np.float32]
     sun: NDArray[np.float32]  # (3, 1) unit, towards its centre
     disk: NDArray[np.float32]  # (3, 1) radiance of a sun of one colour
-    # (72, 45) coefficients of one with a limb, by channel, power of the elevation, and power
+    # (72, 45) coefficients of one with a limb, by channel, power of the elevation and power
     # of the cosine on the sun; columns by segment of the elevation
     limb: NDArray[np.float32]
     has_limb: int
@@ -207,7 +208,7 @@ def _of_limb(sky, c, chord2, mask):
     """
     elevation = maximum(_HALF_PI - arccos(c), splat_f32(0.0))
     place = power(elevation * (np.float32(1.0) / _HALF_PI), splat_f32(1.0 / 3.0))
-    segment = minimum(to_i32(place * np.float32(_SEGMENTS)), splat_i32(np.int32(_SEGMENTS - 1)))
+    segment = minimum(to_i32(place * np.float32(_SEGMENTS)), splat_i32(_LAST))
     start = to_f32(segment) * np.float32(1.0 / _SEGMENTS)
     x = elevation - _HALF_PI * start * start * start
     sine2 = chord2 * (1.0 - 0.25 * chord2)

@@ -14,6 +14,7 @@ from light_probes import LightProbe
 from renderer.plugins.lights import sky_model, sun_position
 
 mi.set_variant("scalar_rgb")
+mi.set_log_level(mi.LogLevel.Error)  # of suns below the horizon
 
 ROOT = Path(__file__).parents[3]
 SUN = np.array([0.4, -0.5, 0.6]) / np.linalg.norm([0.4, -0.5, 0.6])

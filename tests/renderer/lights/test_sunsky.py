@@ -247,21 +247,21 @@ def test_what_cannot_be_is_one_line():
 
     direction = '<vector name="sun_direction" x="0" y="0" z="{}"/>'
     for text, words in (
-        (number("turbidity", 11), 'property "turbidity": found 11, expected at least 1 and'),
+        (number("turbidity", 11), 'property "turbidity": found 11, expected at least'),
         (number("turbidity", 0.5), "found 0.5, expected at least 1 and at most 10"),
         (number("albedo", 1.2), 'property "albedo"'),
         (number("sky_scale", -1), "found -1, expected at least 0"),
         (number("sun_scale", 1e30), "at most 1e+20"),
         (number("sun_aperture", 180), "at most 179.99"),
         (number("sun_aperture", 0.01), "knows no solid angle, expected at least 0.028"),
-        (number("hour", 25), 'property "hour": found 25, expected at least 0 and at most 24'),
+        (number("hour", 25), "found 25, expected at least 0 and at most 24"),
         (number("month", 13, "integer"), "found 13, expected at least 1 and at most 12"),
         (number("day", 3.5), "a value of type float, expected integer"),
         (number("stretch", 1.0), 'has no property "stretch"; supported: '),
         (direction.format(0), "found the zero vector, expected a direction"),
         (
             direction.format(1) + number("hour", 3),
-            'property "hour": found a value together with "sun_direction", expected a dir',
+            'property "hour": found a value together with "sun_direction", expected one',
         ),
         ('<transform name="to_world"><scale x="2"/></transform>', "stretches directions"),
         ('<texture name="albedo" type="checkerboard"/>', "varies over the surface"),
