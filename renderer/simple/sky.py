@@ -30,7 +30,7 @@ class Sky:
 
     def local(self, d: Vector) -> Vector:
         """Return a direction in the frame where z is up."""
-        return normalize(np.linalg.solve(self.to_world, d))
+        return normalize(np.asarray(np.linalg.solve(self.to_world, d), np.float64))
 
     def is_sun(self, local: Vector) -> bool:
         """Return whether a local direction is one of the sun."""

@@ -19,7 +19,7 @@ mi.set_log_level(mi.LogLevel.Error)  # of suns below the horizon
 ROOT = Path(__file__).parents[3]
 SUN = np.array([0.4, -0.5, 0.6]) / np.linalg.norm([0.4, -0.5, 0.6])
 N = 1500
-TURNED = mi.ScalarTransform4f().rotate([1, 2, 0.5], 40).rotate([1, 0, 0], -90)
+TURNED = mi.ScalarTransform4f().rotate([0.48, 0.64, 0.6], 40).rotate([1, 0, 0], -90)
 SETS = {
     "defaults": {},
     "hazy": {
