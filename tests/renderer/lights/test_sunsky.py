@@ -66,9 +66,6 @@ def directions(sun, n=1000):
     return np.float32(unit(np.concatenate([rng.normal(size=(n, 3)), around]))).astype(float)
 
 
-# --------------------------------------------------------------------------- known values
-
-
 def test_a_known_sky(probes):
     """Values that Mitsuba 3.9.1 gives for the sun at (0.4, -0.5, 0.6)."""
     sky = make_sky(described())
@@ -77,29 +74,24 @@ def test_a_known_sky(probes):
     np.testing.assert_allclose(sky.warp, warp, rtol=2e-6)
     wi = unit(np.array([[0, 0, 1], [0.6, 0, 0.8], SUN, [0, 1, 0], [0, 0.6, -0.8]]))
     radiance, pdf = probes["defaults"].environment("sky", wi)
-    expected = [
-        [0.02275617, 0.04018934, 0.0815011],
-        [0.04101431, 0.06467529, 0.11375297],
-        [21277.42, 17413.97, 12719.41],
-        [0.14837068, 0.17501234, 0.15851717],
-        [0.0, 0.0, 0.0],
-    ]
+    expected = np.zeros((5, 3))
+    expected[0] = 0.02275617, 0.04018934, 0.0815011
+    expected[1] = 0.04101431, 0.06467529, 0.11375297
+    expected[2] = 21277.42, 17413.97, 12719.41
+    expected[3] = 0.14837068, 0.17501234, 0.15851717
     np.testing.assert_allclose(radiance, expected, rtol=5e-6)
     assert pdf[4] == 0.0 < pdf[:4].min()
 
 
-@pytest.mark.parametrize(
-    ("hour", "expected"),
-    [
+def test_the_sun_of_a_summer_day_in_tokyo():
+    for hour, expected in (
         (6.0, (-0.2761, -0.9238, 0.26524)),
         (9.0, (0.0957, -0.61479, 0.78287)),
         (12.0, (0.23112, 0.05439, 0.9714)),
         (15.0, (0.05138545, 0.69174796, 0.72030848)),
         (18.0, (-0.33858, 0.92423, 0.17651)),
-    ],
-)
-def test_the_sun_of_a_summer_day_in_tokyo(hour, expected):
-    np.testing.assert_allclose(sun_at(Moment(hour=hour)), expected, atol=1e-5)
+    ):
+        np.testing.assert_allclose(sun_at(Moment(hour=hour)), expected, atol=1e-5)
 
 
 def test_a_date_counts_in_the_local_frame():
@@ -112,9 +104,6 @@ def test_a_date_counts_in_the_local_frame():
     np.testing.assert_allclose(make_sky(light).sun, sun_at(Moment(hour=9.0)), atol=1e-12)
     plain = described(to_world=TURNED).sun_direction
     np.testing.assert_allclose(plain, unit(SUN), atol=1e-12)
-
-
-# ------------------------------------------------------------------- kernels and NumPy
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -145,9 +134,6 @@ def test_samples_are_those_of_the_simple_renderer(name, probes):
             assert drawn.pdf[k] == pytest.approx(pdf, rel=1e-4, abs=1e-7)
             weight = simple.radiance(wi, in_sun) / pdf if pdf > 0.0 else np.zeros(3)
             np.testing.assert_allclose(drawn.radiance[k], weight, rtol=1e-4, atol=1e-6)
-
-
-# ----------------------------------------------------------------------------- sampling
 
 
 @pytest.mark.parametrize("settings", [{}, {"turbidity": 9.7, "sun_direction": [1, 2, 0.1]}])
@@ -207,9 +193,6 @@ def test_lights_are_chosen_by_the_mean_radiance(name):
     assert sky.sky.mean == pytest.approx(mean, rel=0.25)
 
 
-# ------------------------------------------------------------------------------ bad input
-
-
 def test_a_sun_below_the_horizon_is_black_and_said():
     content = scene(
         sensor((0, 0, 10), (0, 0, 0), up=(0, 1, 0), size=(4, 4), spp=256),
@@ -233,15 +216,6 @@ def test_a_sun_below_the_horizon_is_black_and_said():
 
 
 def test_what_cannot_be_is_one_line():
-    def refused(text):
-        sensor = '<sensor type="perspective"/>'
-        emitter = f'<emitter type="sunsky">\n{text}</emitter>'
-        with pytest.raises(SceneError) as caught:
-            read_string(f'<scene version="3.0.0">\n{emitter}{sensor}</scene>')
-        message = str(caught.value)
-        assert message.startswith(("<string>:2: ", "<string>:3: ")) and "\n" not in message
-        return message
-
     def number(name, value, kind="float"):
         return f'<{kind} name="{name}" value="{value}"/>'
 
@@ -267,4 +241,9 @@ def test_what_cannot_be_is_one_line():
         ('<texture name="albedo" type="checkerboard"/>', "varies over the surface"),
         (number("sampling_weight", 2), "lights are chosen with equal probability"),
     ):
-        assert words in refused(text)
+        emitter = f'<emitter type="sunsky">\n{text}</emitter><sensor type="perspective"/>'
+        with pytest.raises(SceneError) as caught:
+            read_string(f'<scene version="3.0.0">\n{emitter}</scene>')
+        message = str(caught.value)
+        assert message.startswith(("<string>:2: ", "<string>:3: ")) and "\n" not in message
+        assert words in message
