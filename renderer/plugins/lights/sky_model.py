@@ -24,13 +24,13 @@ from renderer.scene_file.description import SunSky
 Array = NDArray[np.float64]
 
 APERTURE = 0.5358  # [deg] of the real sun, for which the tables are
-# A unit spectrum has the luminance 1 / _Y; radiances of the sun are means over wavelengths,
-# those of the sky are colours already.
+# Integral of the CIE's luminance in nm, by which Mitsuba divides; and what makes a colour of
+# a mean over the bands of the sun's spectrum.
 _Y = 106.7502593994140625
 _SUN_TO_RGB = 467.069280386
 _BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
 _BELOW_ONE = 1.0 - 2.0**-24
-# Mitsuba's sine of a right angle's rest, in single precision: a lower sun gives no light.
+# The cosine of a right angle in single precision: in Mitsuba a lower sun gives no light.
 _HORIZON = 4.4e-8
 
 
@@ -91,7 +91,7 @@ def make_sky(light: SunSky) -> Sky:
     step = (math.degrees(elevation) - 2.0) / 3.0
     sky_power = light.sky_scale * float(between(of_turbidity["sky_power"], step))
     sun_power = light.sun_scale * float(between(of_turbidity["sun_power"], step))
-    cosine, real = _half_cosine(light.sun_aperture), _half_cosine(APERTURE)
+    cosine, real = half_cosine(light.sun_aperture), half_cosine(APERTURE)
     larger = (1.0 - real) / (1.0 - cosine)  # a larger sun has less radiance
     both = sky_power + sun_power * larger
     sun_scale = light.sun_scale * larger * _SUN_TO_RGB / _Y if risen else 0.0
@@ -111,18 +111,13 @@ def make_sky(light: SunSky) -> Sky:
     )
 
 
-def _half_cosine(aperture: float) -> float:
+def half_cosine(aperture: float) -> float:
     """Return the cosine of half an angle [deg], as Mitsuba's in single precision.
 
-    1 - cosine is the share of the sphere that the sun fills: 0.2 % off for the real sun.
+    The solid angle, 2 pi (1 - cosine), is 0.2 % off for the real sun, there as here.
     """
     half = np.float32(0.5) * np.float32(aperture) * np.float32(math.pi / 180.0)
     return float(np.float32(math.cos(float(half))))
-
-
-def smallest_sun(aperture: float) -> bool:
-    """Return whether a sun of this aperture [deg] fills no solid angle in float32."""
-    return _half_cosine(aperture) == 1.0
 
 
 # ------------------------------------------------------------------------------ sampling

@@ -53,9 +53,9 @@ from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
 from renderer.plugins.lights.sky_model import (
     SkyWarp,
+    half_cosine,
     make_sky,
     sky_warp,
-    smallest_sun,
 )
 from renderer.plugins.lights.sun_position import read_sun_direction
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI, square_to_disk
@@ -77,7 +77,7 @@ def read(properties: Any) -> SunSky:
     """Read the properties of a file."""
     to_world = read_rotation(properties)
     aperture = properties.number("sun_aperture", 0.5358, above=0.0, at_most=179.99)
-    if smallest_sun(aperture):
+    if half_cosine(aperture) == 1.0:
         found = f"{aperture:g}, at which single precision knows no solid angle"
         properties.fail("sun_aperture", found, "at least 0.028 degrees")
     scales = {"at_least": 0.0, "at_most": _MOST_SCALE}
