@@ -24,8 +24,8 @@ from renderer.scene_file.description import SunSky
 Array = NDArray[np.float64]
 
 APERTURE = 0.5358  # [deg] of the real sun, for which the tables are
-# Integral of the CIE's luminance in nm, by which Mitsuba divides; and what makes a colour of
-# a mean over the bands of the sun's spectrum.
+# Integral of the CIE's luminance over nm, by which Mitsuba divides; and what makes a
+# colour of a mean over the bands of the sun's spectrum.
 _Y = 106.7502593994140625
 _SUN_TO_RGB = 467.069280386
 _BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
