@@ -407,6 +407,21 @@ class EnvironmentMap:
 
 
 @dataclass(frozen=True, eq=False)
+class SunSky:
+    """Sun and sky by the model of Hosek and Wilkie; local +z is up."""
+
+    plugin: ClassVar[str] = "sunsky"
+    sun_direction: tuple[float, float, float]  # unit, world, to the sun
+    turbidity: float  # of the air, 1 to 10
+    albedo: Rgb  # of the ground
+    sun_scale: float
+    sky_scale: float
+    sun_aperture: float  # [deg] the whole angle
+    complex_sun: bool  # darker towards its edge
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+
+
+@dataclass(frozen=True, eq=False)
 class AreaLight:
     """What shines on the surface of a shape; stands there as its `radiance`."""
 
@@ -414,7 +429,13 @@ class AreaLight:
 
 
 Emitter = (
-    PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap | Projector
+    PointLight
+    | SpotLight
+    | DirectionalLight
+    | ConstantLight
+    | EnvironmentMap
+    | SunSky
+    | Projector
 )
 
 

@@ -82,7 +82,7 @@ def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
         block, last = 1 + BLOCKS_PER_BOUNCE * bounce, bounce + 1 == scene.max_depth
         hit = closest_hit(scene, p, d, near, far)
-        radiance += throughput * emission(scene, p, hit, came_by, share)
+        radiance += throughput * emission(scene, p, d, hit, came_by, share)
         if only_holes and nothing_is_seen(scene, hit, last):
             return np.zeros(3)
         if hit is None or last:
@@ -123,7 +123,7 @@ def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
     if scene.max_depth < 1:
         return np.zeros(3)
     hit = closest_hit(scene, p, d, near, far)
-    radiance = emission(scene, p, hit, None)
+    radiance = emission(scene, p, d, hit, None)
     if hit is None or scene.max_depth < 2:
         return radiance
     material, count = Material(hit), scene.bsdf_samples
@@ -137,7 +137,7 @@ def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         scattered = material.sample((x, y, choice))
         if scattered.weight.any():
             found = closest_hit(scene, hit.x, scattered.wi, 0.0, np.inf)
-            light = emission(scene, hit.x, found, scattered, share)
+            light = emission(scene, hit.x, scattered.wi, found, scattered, share)
             radiance = radiance + scattered.weight * light / count
     return radiance
 
@@ -154,7 +154,7 @@ def whitted_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         if depth >= scene.max_depth:
             continue
         hit = closest_hit(scene, p, d, near, far)
-        radiance += weight * emission(scene, p, hit, None)
+        radiance += weight * emission(scene, p, d, hit, None)
         if hit is None or depth + 1 >= scene.max_depth:
             continue
         material, block = Material(hit), 2 + BLOCKS_PER_BOUNCE * depth

@@ -14,6 +14,7 @@ from renderer.scene_file.description import (
     ConstantLight,
     MeshAttributeTexture,
     SceneDescription,
+    SunSky,
     VolumeTexture,
 )
 from renderer.scene_file.media_description import GridVolume
@@ -22,6 +23,7 @@ from renderer.simple.camera import Vector
 from renderer.simple.lights import EMITTERS, Light, pdf_light, power_heuristic
 from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Group, Hit, Surface
+from renderer.simple.sky import Sky
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
@@ -70,12 +72,11 @@ class Scene:
             for kind in kinds
         ]
         order = light_order(description)
-        numbered: dict[int, Light] = dict(
-            zip(order.of_emitters, description.emitters, strict=True)
-        )
+        emitters = [Sky(e) if isinstance(e, SunSky) else e for e in description.emitters]
+        numbered: dict[int, Light] = dict(zip(order.of_emitters, emitters, strict=True))
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
         self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
-        skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
+        skies = [e for e in emitters if isinstance(e, ConstantLight | Sky)]
         self.environment = skies[0] if skies else None
         self.medium = description.camera.medium
 
@@ -138,7 +139,7 @@ def _check(description: SceneDescription, name: str) -> None:
         _check_media(description, refuse)
     for emitter in description.emitters:
         if not isinstance(emitter, EMITTERS):
-            possible = "point, spot, directional, constant and area"
+            possible = "point, spot, directional, constant, sunsky and area"
             refuse(f"emitter {getattr(emitter, 'plugin', '')!r}; possible are {possible}")
         if getattr(emitter, "texture", None) is not None:
             refuse("textures on lights; possible is one colour")
@@ -205,9 +206,14 @@ def visible(scene: Scene, p: Vector, d: Vector, distance: float) -> bool:
 
 
 def emission(
-    scene: Scene, p: Vector, hit: Hit | None, came_by: BsdfSample | None, share: float = 1.0
+    scene: Scene,
+    p: Vector,
+    d: Vector,
+    hit: Hit | None,
+    came_by: BsdfSample | None,
+    share: float = 1.0,
 ) -> Vector:
-    """Return L_e of what a ray from p has met, as far as it counts for this way to it.
+    """Return L_e of what the ray p + t d has met, as far as it counts for this way to it.
 
     A direction of a smooth lobe could have been a light sample as well, and is weighted.
     `share` is the number of light samples for each sample of the BSDF.
@@ -217,5 +223,6 @@ def emission(
         return np.zeros(3)
     weight = 1.0
     if came_by is not None and came_by.lobe is Lobe.SMOOTH:
-        weight = power_heuristic(came_by.pdf, pdf_light(light, p, hit) * share)
-    return weight * np.array(light.radiance)
+        weight = power_heuristic(came_by.pdf, pdf_light(light, p, d, hit) * share)
+    radiance = light.radiance(d) if isinstance(light, Sky) else np.array(light.radiance)
+    return weight * radiance

@@ -47,7 +47,7 @@ def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
             throughput = throughput * _weight(medium, rate, min(flight, end), flight < end)
         collides = flight < end
         if not collides:
-            radiance += throughput * emission(scene, event, hit, came_by, share)
+            radiance += throughput * emission(scene, event, d, hit, came_by, share)
         if not throughput.any() or (hit is None and not collides):
             return radiance
         straight = (
