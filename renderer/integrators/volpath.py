@@ -21,6 +21,7 @@ from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
     begin_in_medium,
     fly,
+    hide_lamps,
     leave_surfaces,
     scatter_collisions,
 )
@@ -66,6 +67,8 @@ def trace_paths(scene, tile, sample, work):
         count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
         reset_hits(hits, zero, count)
         intersect(scene.groups, rays, hits, zero, count, False, None)
+        if scene.settings.hide_emitters != 0:
+            hide_lamps(scene, work, count)
         step += 1
 
 

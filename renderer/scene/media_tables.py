@@ -63,7 +63,7 @@ def media_tables(description: SceneDescription | None) -> Media:
         camera,
         np.ascontiguousarray(interior),
         np.ascontiguousarray(exterior),
-        _columns([np.multiply(m.scale, _factor(m.sigma_t)) for m in found], 3),
+        _columns([_sigma_t(medium) for medium in found], 3),
         _columns([_factor(m.albedo) for m in found], 3),
         _numbers([_majorant(medium) for medium in found], np.float32),
         _numbers([place.get(id(m.sigma_t), -1) for m in found], np.int32),
@@ -94,6 +94,12 @@ def _ends(counts: Any) -> NDArray[np.int32]:
 
 def _factor(volume: Volume) -> Any:
     return volume.rgb if isinstance(volume, ConstantVolume) else (1.0, 1.0, 1.0)
+
+
+def _sigma_t(medium: Medium) -> Any:
+    """Return the extinction, or the factor of a grid; 0 where nothing ever collides."""
+    nothing = medium.plugin != "homogeneous" and np.float32(_majorant(medium)) == 0.0
+    return np.multiply(0.0 if nothing else medium.scale, _factor(medium.sigma_t))
 
 
 def _majorant(medium: Medium) -> float:

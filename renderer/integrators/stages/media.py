@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.scatter import largest, survive
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
@@ -19,6 +20,7 @@ from renderer.kernels.lanes.functions import (
     mask_bits,
     maximum,
     popcount,
+    select,
     splat_f32,
     splat_i32,
     sqrt,
@@ -133,7 +135,7 @@ def fly(scene, tile, sample, step, work, count):
         depth = gather_row(state.depth, 0, slot, valid)
         throughput = load3(rays.throughput, i)
         inside = valid & (medium >= 0)
-        stays = valid
+        stays, missed = valid, load_row(hits.prim, 0, i) < 0
         if mask_bits(inside) != 0:
             origin, direction = load3(rays.origin, i), load3(rays.direction, i)
             flight = free_flight(
@@ -141,7 +143,8 @@ def fly(scene, tile, sample, step, work, count):
                 medium,
                 origin,
                 direction,
-                load_row(hits.t, 0, i),
+                # media go on behind the camera's far plane
+                select(missed, splat_f32(np.float32(np.inf)), load_row(hits.t, 0, i)),
                 load_row(numbers, 0, i),
                 load_row(numbers, 1, i),
                 noise_of(load_row(numbers, 2, i), load_row(numbers, 3, i)),
@@ -161,7 +164,7 @@ def fly(scene, tile, sample, step, work, count):
             collisions += popcount(mask_bits(collided))
             stays = stays & ~flight.collided & alive
         if hides:  # the camera does not see the environment, through media either
-            stays = stays & ((load_row(hits.prim, 0, i) >= 0) | (depth > 0))
+            stays = stays & (~missed | (depth > 0))
         _keep_rays(rays, hits, i, kept, throughput, stays)
         kept += popcount(mask_bits(stays))
     return kept, collisions
@@ -215,6 +218,22 @@ def scatter_collisions(scene, tile, sample, step, work, collisions, end):
 
 
 # ------------------------------------------------------------------------------ surfaces
+
+
+@kernel
+def hide_lamps(scene, work, count):
+    """Find anew what rays meet that come straight from the camera, but for area lights."""
+    rays, hits, depth = work.rays, work.hits, work.media.depth
+    first = np.int64(0)
+    while first < count:
+        end = first
+        while end < count and depth[rays.slot[end]] == 0:
+            end += 1
+        if end > first:
+            reset_hits(hits, first, end - first)
+            groups = scene.camera_groups
+            intersect(groups, rays, hits, first, end - first, False, None)
+        first = end + 1
 
 
 @kernel

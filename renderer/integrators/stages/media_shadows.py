@@ -35,7 +35,13 @@ from renderer.kernels.lanes.vectors import (
     vec3,
 )
 from renderer.kernels.records.batch import Workspace
-from renderer.kernels.records.kernel_scene import DRAW, FIRST_BSDF, LET_THROUGH, RECORD
+from renderer.kernels.records.kernel_scene import (
+    CHOOSE_LIGHT,
+    DRAW,
+    FIRST_BSDF,
+    LET_THROUGH,
+    RECORD,
+)
 from renderer.plugins.bsdfs.kind import black, straight_through
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.lights.kind import light_probability, light_sample_weight
@@ -61,7 +67,7 @@ def let_through(bsdf, points, start, stop):
 
 @kernel
 def _with(work, rays, hits, points, order, ends):
-    """Return a workspace with other rays and points."""
+    """Return the same workspace, but stages read and write these rays and points."""
     return Workspace(
         rays,
         hits,
@@ -253,7 +259,7 @@ def light_surfaces(scene, tile, sample, step, work):
 @kernel
 def light_collisions(scene, tile, sample, step, work, count):
     """Add the direct light at the collisions of paths with media."""
-    if count == 0 or scene.lights.sampled.size == 0:
+    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
         return
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples

@@ -259,8 +259,9 @@ class MediaWork(NamedTuple):
     points: SurfacePoints
     order: NDArray[np.int32]
     ends: NDArray[np.int64]
-    inside: NDArray[np.int32]  # (n,) the medium that each shadow ray is in
-    rest: NDArray[np.float32]  # (n,) how far each still has to go
+    # by the number of the shadow ray: (n,) the medium it is in, and how far it has to go
+    inside: NDArray[np.int32]
+    rest: NDArray[np.float32]
 
 
 class Workspace(NamedTuple):

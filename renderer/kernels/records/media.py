@@ -36,7 +36,7 @@ class Media(NamedTuple):
     exterior: NDArray[np.int32]  # (shapes,)
     sigma_t: NDArray[np.float32]  # (3, n) [1/length]; of a grid its factor
     albedo: NDArray[np.float32]  # (3, n)
-    majorant: NDArray[np.float32]  # (n,) 0: homogeneous
+    majorant: NDArray[np.float32]  # (n,) of a grid; 0: the same sigma_t everywhere
     sigma_grid: NDArray[np.int32]  # (n,) grid id, -1: constant
     albedo_grid: NDArray[np.int32]  # (n,)
     box: NDArray[np.float32]  # (6, n) where a heterogeneous medium is: two corners

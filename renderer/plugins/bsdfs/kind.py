@@ -103,8 +103,8 @@ class BsdfKind:
     straight
         Whether light goes straight through.
     eval_straight
-        (parameters, wo) -> RGB that goes straight through; None: nothing, and so also in
-        Mitsuba of some kinds whose samples may go straight on.
+        (parameters, wo) -> RGB that shadow rays in media carry straight through; None:
+        black, as `eval_null_transmission` of the same plugin in Mitsuba.
     oriented
         Whether x and y of the local frame matter: x is along dp/du then.
     opaque

@@ -6,7 +6,9 @@ with the probability sigma_t / majorant [Woodcock1965], and the product of what 
 each estimates the transmittance [Novak2014].
 
 Where the three colours of sigma_t differ, one of them chooses the distance, and the weight
-is that of the balance heuristic over all three [Wilkie2014]: no colour's weight exceeds 3.
+is that of the balance heuristic over all three [Wilkie2014]: in a homogeneous medium no
+colour's weight exceeds 3. In a grid of colours each tentative collision has a weight of its
+own, and their product is without bound.
 """
 
 from __future__ import annotations
@@ -36,8 +38,10 @@ from renderer.plugins.sampling.numbers_and_warps import hash4, unit_float
 _THIRD = np.float32(1.0 / 3.0)
 _INFINITE = np.float32(np.inf)
 _BITS = np.float32(2.0**24)
-# Tentative collisions of one flight. 2^20 are an optical depth that no light crosses.
+# Tentative collisions of one flight, in the densest place an optical depth of 10^6; a path
+# that has more ends there.
 _MOST_STEPS = 1 << 20
+_DARK = np.float32(1e-12)  # transmittances below it are 0
 
 
 class Flight(NamedTuple):
@@ -217,6 +221,7 @@ def _through_grid(media, medium, majorant, origin, direction, end, noise, mask, 
             )
         collided = collided | hit
         on = null
+    weight = select3(on, _one() * 0.0, weight)
     return Flight(
         flight.collided | collided,
         select(collided, t, flight.distance),
@@ -248,4 +253,5 @@ def transmittance(media, medium, origin, direction, end, noise, mask):
         at = origin + direction * t
         left = _one() - sigma_t_at(media, medium, at, on) * inverse
         passed = select3(on, passed * left, passed)
-    return passed
+        on = on & (maximum(maximum(passed.x, passed.y), passed.z) > _DARK)
+    return select3(on, _one() * 0.0, passed)

@@ -54,8 +54,10 @@ def _eval_leaf(media, leaf, cosine):
     kind = media.phase_kind[leaf]
     if kind == HENYEY_GREENSTEIN:
         g = media.phase_g[leaf]
-        squared = np.float32(1.0 + g * g) - cosine * np.float32(2.0 * g)
-        root = sqrt(maximum(squared, splat_f32(_LEAST)))
+        # 1 + g^2 - 2 g cos as a sum of squares, which does not cancel at the peak
+        size, peak = np.float32(abs(g)), np.float32(1.0 if g > 0.0 else -1.0)
+        least = np.float32((1.0 - size) * (1.0 - size))
+        root = sqrt((1.0 - cosine * peak) * np.float32(2.0 * size) + least)
         return splat_f32(_INV_4_PI * np.float32(1.0 - g * g)) / (root * root * root)
     if kind == RAYLEIGH:
         return (cosine * cosine + 1.0) * _RAYLEIGH

@@ -77,7 +77,7 @@ def _cell(place, count, wrap):
     clamped = minimum(maximum(place, splat_f32(0.0)), to_f32(last))
     size = to_f32(count)
     period = select(wrap == np.int32(2), size * 2.0, size)
-    turn = place - floor(place / period) * period
+    turn = place - floor(place / period) * period  # place modulo the period
     mirrored = select(turn >= size, period - 1.0 - turn, turn)
     cell = to_i32(select(wrap == np.int32(0), clamped, mirrored))
     return select(cell < 0, splat_i32(0), select(cell > last, last, cell))

@@ -174,12 +174,18 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         materials.straight,
     )
     decision = INTEGRATORS[requested.name].decide(case, why.say)
+    if INTEGRATORS[decision.method].media:  # it finds light in both ways
+        both = dataclasses.replace(requested, strategy="both", caustics=True)
+        case = case._replace(requested=both)
     sampled_whole = not has_lights_beside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
     if INTEGRATORS[decision.method].media:  # how lights are chosen there
         if options.light_choice == "importance":
-            raise SceneError("light choice 'importance': volpath has 'uniform' alone")
+            raise SceneError(
+                f"{scene.description.source}: light choice 'importance': volpath chooses "
+                "all lights equally often; possible is 'uniform'"
+            )
         choice = "uniform"
     if replay:
         check_replay(requested, decision.method, extended)
@@ -229,6 +235,8 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
             why.say("left out", "scattering: nothing is reflected towards another surface")
         explain_geometry(scene, why)
         explain_materials_and_lights(scene, why)
+        if scene.description.has_media and not plan.kind.media:
+            why.say("left out", f"participating media: {plan.method} ignores them")
     else:
         why.say(
             "left out", "lights, shadow rays, bounces: the first hit alone is asked for"

@@ -82,6 +82,7 @@ def read_channels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float64]]
             f"{path}: promises {nx} x {ny} x {nz} points of {channels} numbers; there are "
             f"{there} numbers"
         )
+    memory.require(3 * 4 * count, f"{path}: the grid")  # with the kernels' table of it
     numbers = np.frombuffer(content, "<f4", count, _HEADER.size)
     values = numbers.reshape(nz, ny, nx, channels).astype(np.float32)
     if (wrong := check_distances(values)) is not None:

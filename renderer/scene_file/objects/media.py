@@ -181,8 +181,8 @@ def _read_phase(properties: Properties, depth: int) -> Phase:
     phase: Phase
     if plugin == "hg":
         g = properties.number("g", 0.8)
-        if not abs(g) < 1.0:
-            properties.fail("g", f"{g:g}", "a mean cosine between -1 and 1")
+        if not abs(np.float32(g)) < 1.0:
+            properties.fail("g", f"{g:.9g}", "a mean cosine between -1 and 1")
         phase = HenyeyGreenstein(g)
     elif plugin == "rayleigh":
         phase = RayleighPhase()

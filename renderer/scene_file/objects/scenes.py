@@ -39,7 +39,6 @@ from renderer.scene_file.tree import Element
 # A `shapegroup` shows nothing by itself; each `instance` of it shows all its shapes. As
 # in Mitsuba 3.9.1 there is one level of this, and no group emits light.
 
-OF_MEDIA = ("volpath",)  # integrators that see participating media
 SPECIAL = ("shapegroup", "instance")  # the shape plugins that are no surfaces
 
 
@@ -211,11 +210,12 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         source=source,
         files=tuple(reading.files),
     )
-    name = (method.nested or method).name
-    if description.has_media and integrator is not None and name not in OF_MEDIA:
+    kind = registered_kinds("integrator").get((method.nested or method).name)
+    if description.has_media and not (getattr(kind, "media", False)):
         reading.warn(
-            integrator.location,
-            f"{integrator} ignores the scene's media, as in Mitsuba; volpath does not",
+            (integrator or root).location,
+            f"{integrator or 'path'} ignores the scene's media, as in Mitsuba; volpath "
+            "does not",
         )
         description = replace(description, warnings=_said(reading))
     return description
