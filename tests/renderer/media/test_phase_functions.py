@@ -20,7 +20,7 @@ PHASES: dict[str, Any] = {
     "hg": {"type": "hg", "g": 0.9},
     "backward": {"type": "hg", "g": -0.35},
     "almost isotropic": {"type": "hg", "g": 1e-6},
-    "a peak": {"type": "hg", "g": 0.999},
+    "a peak": {"type": "hg", "g": 0.99},
     "rayleigh": {"type": "rayleigh"},
     "tabphase": {"type": "tabphase", "values": ".2 .1 .4 1.5 6"},
     "a table of zeros and a peak": {"type": "tabphase", "values": "0,0,1,0,0,0"},
