@@ -1,0 +1,271 @@
+"""Curves: what their files say, every hit against slow truths, no gaps, no hits of itself.
+
+The truths: a linear curve is all points that are no farther from a point of the axis than
+the radius there, which a search finds in double precision, as that distance is convex along
+a segment. A B-spline is a fine mesh of its circles, whose hit Newton's method makes exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from agreement import assert_same_hits
+from kernel_probes import accelerator, closest, directions, kernel_inputs, look, triangles, unit
+from scene_file_samples import error_of, ours
+from scene_xml import props
+
+import renderer
+from renderer.plugins.shapes.bspline_pieces import piece_counts, segment_polynomials
+from renderer.plugins.shapes.registry import SHAPES
+from renderer.scene_file import read_dict
+from renderer.scene_file.description import BsplineCurve, Diffuse, LinearCurve
+
+LINEAR = [[0, 0, 0, 0.2], [1, 0, 0, 0.3], [1, 1, 0.5, 0.1]]
+SPLINE = [[-1, 0, 0, 0.2], [0, 1, 0.2, 0.25], [1, 0, 0.4, 0.15], [2, 1, 0, 0.3], [3, 0, 0, 0.2]]
+HAIR = [[*p[:3], 0.02 * p[3]] for p in SPLINE]
+KINDS = {"linear_segments": LinearCurve, "bspline_pieces": BsplineCurve}
+PLUGINS = {"linearcurve": "linear_segments", "bsplinecurve": "bspline_pieces"}
+
+
+def table(kind, *curves):
+    starts = np.cumsum([0, *(len(c) for c in curves[:-1])])
+    points = np.concatenate([np.float32(c) for c in curves])
+    shape = KINDS[kind](bsdf=Diffuse(), points=points, starts=starts)
+    return SHAPES[kind].surfaces([shape], 0)
+
+
+def rays(points, n, seed, spread=0.3):
+    """Rays from around a curve to points next to it."""
+    rng = np.random.default_rng(seed)
+    c, r = np.array(points)[:, :3], np.array(points)[:, 3].max()
+    origin = np.float32(c.mean(axis=0) + 4.0 * directions(n, rng))
+    k = rng.integers(0, len(c) - 1, n)
+    to = c[k] + rng.random((n, 1)) * (c[k + 1] - c[k]) + spread * r * rng.normal(size=(n, 3))
+    return origin, np.float32(unit(to - origin))
+
+
+def hits(kind, surfaces, origin, direction):
+    return closest(accelerator(kind, surfaces, "brute"), origin, direction)
+
+
+# ------------------------------------------------------------------------------ linear
+
+
+def depth(points, p):
+    """Return the distance of points (n, 3) from the surface, and where on the axis."""
+    best, where = np.full(len(p), np.inf), np.zeros(len(p))
+    for k, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):
+
+        def apart(w, a=a, b=b):
+            at = a + w[:, None] * (b - a)
+            return np.linalg.norm(p - at[:, :3], axis=1) - at[:, 3]
+
+        low, high = np.zeros(len(p)), np.ones(len(p))
+        for _ in range(60):
+            left, right = low + (high - low) / 3, high - (high - low) / 3
+            lower = apart(left) < apart(right)
+            low, high = np.where(lower, low, left), np.where(lower, right, high)
+        found = apart(low)
+        where = np.where(found < best, k + low, where)
+        best = np.minimum(found, best)
+    return best, where
+
+
+def test_a_linear_curve_is_what_its_balls_sweep():
+    points = np.float32(LINEAR).astype(float)
+    origin, direction = rays(LINEAR, 400, 1)
+    found = hits("linear_segments", table("linear_segments", LINEAR), origin, direction)
+    o, d = origin.astype(float), direction.astype(float)
+    t = np.linspace(2.0, 6.0, 1001)
+    along = (o[:, None] + t[:, None] * d[:, None]).reshape(-1, 3)
+    inside = (depth(points, along)[0] < 0.0).reshape(len(o), -1)
+    hit = found.prim >= 0
+    assert 0.2 < hit.mean() < 0.95
+    assert hit[inside.any(axis=1)].all()
+    first = t[inside.argmax(axis=1)]
+    sure = inside.any(axis=1)
+    assert (found.t[sure] <= first[sure]).all()
+    assert (found.t[sure] > first[sure] - 0.0041).mean() > 0.99  # sampled too coarsely
+    apart, where = depth(points, o[hit] + found.t[hit, None] * d[hit])
+    assert abs(apart).max() < 2e-6
+    np.testing.assert_allclose(found.prim[hit] + found.v[hit], where, atol=2e-3)
+
+
+def test_equal_radii_make_a_capsule_and_swallowed_balls_no_cone():
+    """Answers known on paper: side, caps, joint, and a ball inside of the next."""
+    capsule = table("linear_segments", [[-1, 0, 0, 0.5], [1, 0, 0, 0.5]])
+    o = [[0, 0, 3], [0.3, 3, 0], [-4, 0, 0], [4, 0.3, 0], [0, 0.6, 3], [0, 0, 0], [0.9, 0, 0.4]]
+    d = [[0, 0, -1], [0, -1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0]]
+    found = hits("linear_segments", capsule, np.array(o, float), np.array(d, float))
+    expected = [2.5, 2.5, 2.5, 4 - 1.4, np.inf, np.inf, np.inf]
+    np.testing.assert_allclose(found.t, expected, rtol=1e-6)
+    swallowed = table("linear_segments", [[0, 0, 0, 0.1], [0.2, 0, 0, 1.0]])
+    found = hits("linear_segments", swallowed, np.array([[-3.0, 0, 0]]), np.eye(3)[:1])
+    assert found.t == pytest.approx(3 - 0.8)
+    corner = table("linear_segments", [[0, 0, 0, 0.2], [1, 0, 0, 0.2], [1, 1, 0, 0.2]])
+    diagonal = unit([[-1.0, 1, 0]])
+    found = hits("linear_segments", corner, np.array([[3.0, -2, 0]]), diagonal)
+    assert found.t == pytest.approx(np.sqrt(8) - 0.2)
+    rng = np.random.default_rng(2)  # from inside of one segment through the other: nothing
+    inside = np.array([[0.5, 0, 0]]) + rng.uniform(-0.1, 0.1, (2000, 3))
+    assert (hits("linear_segments", corner, inside, directions(2000, rng)).prim < 0).all()
+
+
+# ----------------------------------------------------------------------------- b-spline
+
+
+def spline(points, s):
+    """Return the point and the radius (n, 4) at s (n,) of a curve, and the derivative."""
+    k = np.clip(s.astype(int), 0, len(points) - 4)
+    c = segment_polynomials(BsplineCurve(bsdf=Diffuse(), points=np.float32(points), starts=ZERO))
+    w, c = (s - k)[:, None], c[k]
+    value = c[:, 0] + w * (c[:, 1] + w * (c[:, 2] + w * c[:, 3]))
+    return value, c[:, 1] + w * (2 * c[:, 2] + w * 3 * c[:, 3])
+
+
+ZERO = np.zeros(1, np.int64)
+
+
+def tube(points, steps, around):
+    """Return the triangles (n, 3, 3) between circles of the tube, and their s."""
+    s = np.linspace(0, len(points) - 3, steps + 1)
+    c, dc = spline(points, s)
+    axis = unit(dc[:, :3])
+    x = unit(np.cross(axis, [0.3, 0.2, 1.0]))
+    angle = np.linspace(0, 2 * np.pi, around + 1)[:, None, None]
+    ring = c[:, :3] + c[:, 3:] * (np.cos(angle) * x + np.sin(angle) * np.cross(axis, x))
+    a, b, e, f = ring[:-1, :-1], ring[1:, :-1], ring[:-1, 1:], ring[1:, 1:]
+    both = np.stack([np.stack([a, b, e], 2), np.stack([b, f, e], 2)])
+    middles = np.broadcast_to((s[1:] + s[:-1]) / 2, both.shape[:3])
+    return both.reshape(-1, 3, 3), middles.ravel()
+
+
+def exact_hits(points, origin, direction, first, s):
+    """Improve t and s by Newton's method; return the radius-relative error too."""
+    o, d = origin.astype(float), direction.astype(float)
+    t, e = first.astype(float), 1e-5
+    def residual(t, s):
+        c, dc = spline(points, s)
+        q = o + t[:, None] * d - c[:, :3]
+        across = (q * dc[:, :3]).sum(axis=1)
+        return np.stack([across, (q * q).sum(axis=1) - c[:, 3] ** 2], 1)
+    for _ in range(12):
+        f = residual(t, s)
+        jacobian = np.stack([residual(t + e, s) - residual(t - e, s),
+                             residual(t, s + e) - residual(t, s - e)], 2) / (2 * e)
+        step = np.linalg.solve(jacobian, f[..., None])[..., 0]
+        t, s = t - step[:, 0], np.clip(s - step[:, 1], 0.0, len(points) - 3)
+    return t, s, abs(residual(t, s)).max(axis=1)
+
+
+@pytest.mark.parametrize(("points", "within"), [(SPLINE, 2e-6), (HAIR, 1e-5)], ids=["fat", "thin"])
+def test_a_spline_is_the_tube_of_its_circles(points, within):
+    """Rays that meet the mesh from outside, not grazing, meet the curve there."""
+    faces, middles = tube(points, 600, 48)
+    origin, direction = rays(points[1:-1], 4000, 3, 0.6)
+    mesh, start = triangles(faces), origin.copy()
+    t, s = np.full(len(start), np.inf), np.zeros(len(start))
+    normals = unit(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]))
+    waiting, gone = np.arange(len(start)), np.zeros(len(start))
+    facing = np.zeros(len(start))
+    for _ in range(6):  # on through what is seen from behind
+        found = closest(accelerator("triangles", mesh, "wide"), start[waiting], direction[waiting])
+        met = found.prim >= 0
+        waiting, prim = waiting[met], found.prim[met] - mesh.first
+        gone[waiting] += found.t[met]
+        cosine = (normals[prim] * direction[waiting]).sum(axis=1)
+        front = cosine < 0
+        now = waiting[front]
+        t[now], s[now], facing[now] = gone[now], middles[prim[front]], -cosine[front]
+        waiting = waiting[~front]
+        gone[waiting] += 1e-4
+        start[waiting] = origin[waiting] + gone[waiting, None] * direction[waiting]
+    sure = facing > 0.2
+    assert sure.sum() > 1000
+    mine = hits("bspline_pieces", table("bspline_pieces", points), origin, direction)
+    assert (mine.prim[sure] >= 0).all()
+    exact, s, left = exact_hits(points, origin[sure], direction[sure], t[sure], s[sure])
+    good = left < 1e-9
+    assert good.mean() > 0.99  # but for those next to an open end
+    difference = abs(mine.t[sure] - exact)[good]
+    assert (difference < within).mean() > 0.999, np.sort(difference)[-9:]
+
+
+def test_a_straight_spline_is_an_open_tube():
+    straight = table("bspline_pieces", [[x, 0, 0, 0.5] for x in (-2, -1, 1, 2)])
+    o = [[0, 0, 3], [0.3, 3, 0], [-4, 0.1, 0], [0, 0, 0], [0, 0.51, 3], [0, 0, 0.5]]
+    d = [[0, 0, -1], [0, -1, 0], [1, 0, 0], [0, 0, 1], [0, 0, -1], [0, 0, 1]]
+    found = hits("bspline_pieces", straight, np.array(o, float), np.array(d, float))
+    np.testing.assert_allclose(found.t, [2.5, 2.5, *[np.inf] * 4], rtol=1e-6)
+
+
+# --------------------------------------------------------------------------------- both
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_ray_to_the_axis_finds_a_gap(kind, scale):
+    """Across many joints, at random and exactly at them; from far and near."""
+    rng = np.random.default_rng(4)
+    points = np.array(SPLINE) * [1, 1, 1, scale]
+    surfaces = table(kind, points)
+    s = np.concatenate([rng.uniform(0.05, 1.95, 20_000), np.linspace(0.125, 1.875, 29)])
+    if kind == "bspline_pieces":
+        to, along = (a[:, :3] for a in spline(points, s))
+    else:
+        k = s.astype(int)
+        along = points[k + 1, :3] - points[k, :3]
+        to = points[k, :3] + (s - k)[:, None] * along
+    for away in (2.5, 100.0):
+        across = unit(np.cross(along, directions(len(to), rng)) + 0.4 * unit(along))
+        origin = np.float32(to + away * across)
+        found = closest(accelerator(kind, surfaces, "wide"), origin, np.float32(unit(to - origin)))
+        assert (found.prim >= 0).all()
+
+
+@pytest.mark.parametrize("name", ["wide", "boxes", "bvh-median", "kd-sah", "grid", "octree"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_structure_finds_the_same_hits(name, kind):
+    rng = np.random.default_rng(5)
+    curves = [np.cumsum(rng.normal(size=(7, 4)), axis=0) * [0.3, 0.3, 0.3, 0] for _ in range(12)]
+    curves = [c + [0, 0, 0, 0.03 + 0.1 * rng.random()] for c in curves]
+    origin, direction = rays(np.concatenate(curves), 3000, 6, 1.0)
+    truth = assert_same_hits(name, kind, table(kind, *curves), origin, direction)
+    assert 0.05 < (truth.prim >= 0).mean() < 0.95
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_degenerate_curves_are_met_nowhere_or_finitely(kind):
+    """Points that are equal, radii of 0, curves that turn back on themselves."""
+    for c in ([[0, 0, 0, 0]] * 5, [[0, 0, 0, 0.1]] * 5, [[k % 2, 0, 0, 0.1] for k in range(5)]):
+        origin, direction = rays([[0, 0, 0, 0.2], [1, 0, 0, 0.2]], 500, 7)
+        found = hits(kind, table(kind, c), origin, direction)
+        met = found.prim >= 0
+        assert np.isfinite(found.t[met]).all() and np.isfinite(found.v[met]).all()
+        assert c[0][3] or not met.any()
+
+
+def scene(path, plugin, **more):
+    curve = {"type": plugin, "filename": str(path), **more}
+    return {"type": "scene", "camera": {"type": "perspective"}, "curve": curve}
+
+
+@pytest.mark.parametrize("plugin", PLUGINS)
+def test_a_ray_that_leaves_does_not_meet_where_it_starts(plugin, tmp_path):
+    """Outwards at most another place; into the curve nothing at all, as in Mitsuba."""
+    path = tmp_path / "curve.txt"
+    path.write_text("\n".join(f"{k} 0 0 0.3" for k in range(6)))
+    inputs = kernel_inputs(renderer.load_dict(scene(path, plugin)))
+    rng = np.random.default_rng(8)
+    origin, direction = rays([[k, 0, 0, 0.3] for k in range(1, 5)], 8000, 9)
+    hit = closest(
+        accelerator(PLUGINS[plugin], inputs.scene.surfaces[PLUGINS[plugin]], "brute"),
+        origin,
+        direction,
+    ).prim >= 0
+    outgoing = directions(hit.sum(), rng)
+    seen = look(inputs, origin[hit], direction[hit], outgoing)
+    assert ((seen.normal * seen.wo).sum(axis=1) > 0).all()
+    kind = PLUGINS[plugin]
+    again = hits(kind, inputs.scene.surfaces[kind], seen.leaving, outgoing)
+    assert (again.prim < 0).all()
