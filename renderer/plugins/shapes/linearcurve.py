@@ -42,7 +42,7 @@ from renderer.scene_file.description import LinearCurve
 _OVERLAP = np.float32(1e-3)
 # A neighbour's cone has this part of its squared radius less when it leaves hits out, or
 # rounding would do it where the surfaces of both continue one another.
-_WITHIN = np.float32(1.0 - 1e-3)
+_WITHIN = np.float32(1.0 - 1e-4)
 _CLOSE = np.float32(1.001)  # rays that pass farther from the axis in radii cannot hit
 
 
