@@ -50,7 +50,9 @@ def piece_counts(segments: Doubles) -> NDArray[np.int64]:
         chord = np.linalg.norm(c1 + c2 + c3, axis=1) / (_SLENDER * thick)
         needed = np.ceil(np.maximum(np.maximum(bend, off), np.minimum(chord, _FEW)))
     # NaN: a curve that stands still somewhere, or has no radius
-    return np.clip(np.nan_to_num(needed, nan=_MOST, posinf=_MOST), 1, _MOST).astype(np.int64)
+    return np.clip(np.nan_to_num(needed, nan=_MOST, posinf=_MOST), 1, _MOST).astype(
+        np.int64
+    )
 
 
 def piece_polynomials(segments: Doubles) -> tuple[NDArray[np.float32], Doubles]:

@@ -52,7 +52,9 @@ from renderer.scene_file.description import BsplineCurve
 _TWO, _THREE, _SIX = np.float32(2.0), np.float32(3.0), np.float32(6.0)
 _STEPS = 5
 _NEWTON_STEPS = 8  # from a point next to the surface to its place along the curve
-_FARTHEST = np.float32(8.0)  # that s may be from a piece, whose own s are 0 to 1, on the way
+_FARTHEST = np.float32(
+    8.0
+)  # that s may be from a piece, whose own s are 0 to 1, on the way
 _STEEPEST = np.float32(0.05)  # of |c'|^2: beyond it a point is next to the centre of a bend
 _CONVERGED = np.float32(0.02)  # the last step, in radii; the error is its cube
 _CLOSE = np.float32(1.001)
@@ -160,7 +162,9 @@ def hit_piece(piece, origin, direction, t_max):
     # what a cubic on [0, 1] is off the line between its ends
     off_chord = np.float32(0.25) * length(piece.c2) + np.float32(0.4) * length(piece.c3)
     thickest = maximum(piece.r0, piece.r0 + piece.r1 + piece.r2 + piece.r3)
-    thickest = thickest + np.float32(0.25) * fabs(piece.r2) + np.float32(0.4) * fabs(piece.r3)
+    thickest = (
+        thickest + np.float32(0.25) * fabs(piece.r2) + np.float32(0.4) * fabs(piece.r3)
+    )
     reach = (thickest + off_chord) * _CLOSE
     close = dot(gap, gap) <= reach * reach
     if not any_of(close):
@@ -198,7 +202,14 @@ def _gather_piece(pieces, index, mask):
     x2, y2, z2, r2 = gather_columns(pieces.numbers, 8, index, mask)
     x3, y3, z3, r3 = gather_columns(pieces.numbers, 12, index, mask)
     return Piece(
-        vec3(x0, y0, z0), r0, vec3(x1, y1, z1), r1, vec3(x2, y2, z2), r2, vec3(x3, y3, z3), r3
+        vec3(x0, y0, z0),
+        r0,
+        vec3(x1, y1, z1),
+        r1,
+        vec3(x2, y2, z2),
+        r2,
+        vec3(x3, y3, z3),
+        r3,
     )
 
 
@@ -259,7 +270,9 @@ def _derivatives(shapes, index, mask, position):
     turn = dot(piece.c3 * 6.0, binormal) * speed / select(bent, square, 1.0)
     turn = select(bent, turn, 0.0)
     back = here.radius * dot(outwards, here.bend) / (speed * speed)
-    along = here.slope * (1.0 - back) + outwards * here.growth + around * (here.radius * turn)
+    along = (
+        here.slope * (1.0 - back) + outwards * here.growth + around * (here.radius * turn)
+    )
     scale = 1.0 / gather_row(shapes.pieces.place, 1, index, mask)
     return around * (here.radius * TWO_PI), along * scale
 

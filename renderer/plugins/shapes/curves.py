@@ -94,5 +94,8 @@ def record(kind: Any, first: int, numbers: list[Any], places: list[Any]) -> Any:
     rows = np.concatenate(numbers)
     place = np.concatenate(places).T
     return kind(
-        first, first + len(rows), by_columns(rows.T), np.ascontiguousarray(place, np.float32)
+        first,
+        first + len(rows),
+        by_columns(rows.T),
+        np.ascontiguousarray(place, np.float32),
     )

@@ -164,9 +164,7 @@ def read_mesh_bytes(path: Path, what: str = "mesh") -> bytes:
     return content
 
 
-def require_for_words(
-    content: bytes, each: int, path: Path, what: str = "mesh"
-) -> None:
+def require_for_words(content: bytes, each: int, path: Path, what: str = "mesh") -> None:
     """Refuse a text of more words than there is memory, `each` bytes for one at the peak.
 
     Raises

@@ -25,9 +25,7 @@ from renderer.scene_file import read_dict
 
 LINEAR = "0 0 0 .2\n1 0 0 .3\n1 1 .5 .1\n"
 SPLINE = "-1 0 0 .2\n0 1 .2 .25\n1 0 .4 .15\n2 1 0 .3\n3 0 0 .2\n"
-HAIR = (
-    "-1 0 0 .004\n0 1 .2 .005\n1 0 .4 .003\n2 1 0 .006\n3 0 0 .004\n4 .5 .2 0\n"  # a tip
-)
+HAIR = "-1 0 0 .004\n0 1 .2 .005\n1 0 .4 .003\n2 1 0 .006\n3 0 0 .004\n4 .5 .2 0\n"  # a tip
 SHAPE = '<shape type="{}"><string name="filename" value="curve.txt"/>{}</shape>'
 PLUGINS = {
     "linearcurve": (LINEAR, LINEAR + "\n" + HAIR),
@@ -233,7 +231,8 @@ BAD = {
     "\n \n": "curve.txt: no control points; expected lines of x, y, z and radius",
     "0 0 0 .1\n": "curve.txt:1: a curve of 1 control points begins here; it needs at least",
     FOUR + "\n1 0 0 .1\n": "curve.txt:6: a curve of 1 control points begins here",
-    FOUR + "1 0 0\n": "curve.txt:5: a control point needs x, y, z and a radius, found `1 0 0`",
+    FOUR
+    + "1 0 0\n": "curve.txt:5: a control point needs x, y, z and a radius, found `1 0 0`",
     FOUR.replace(" ", ", "): "curve.txt:1: a control point needs numbers, found `0,`",
     "# a b c\n" + FOUR: "curve.txt:1: a control point needs numbers, found `#`",
     FOUR + "1 nan 0 .1\n": "curve.txt:5: control point (1, nan, 0, 0.1) is not finite",
@@ -262,5 +261,7 @@ def test_a_fault_of_a_file_is_one_line(plugin, content, tmp_path):
 def test_what_a_curve_cannot_have_is_said(inside, message, tmp_path):
     (tmp_path / "curve.txt").write_text(FOUR)
     assert message in error_of(SHAPE.format("bsplinecurve", inside), folder=tmp_path)
-    with pytest.raises(SceneError, match='"filename": found nothing, expected the path of a'):
+    with pytest.raises(
+        SceneError, match='"filename": found nothing, expected the path of a'
+    ):
         ours('<shape type="linearcurve"/>')

@@ -10,7 +10,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from agreement import assert_same_hits
-from kernel_probes import accelerator, closest, directions, kernel_inputs, look, triangles, unit
+from kernel_probes import (
+    accelerator,
+    closest,
+    directions,
+    kernel_inputs,
+    look,
+    triangles,
+    unit,
+)
 
 import renderer
 from renderer.plugins.shapes.bspline_pieces import segment_polynomials
@@ -18,7 +26,13 @@ from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene_file.description import BsplineCurve, Diffuse, LinearCurve
 
 LINEAR = [[0, 0, 0, 0.2], [1, 0, 0, 0.3], [1, 1, 0.5, 0.1]]
-SPLINE = [[-1, 0, 0, 0.2], [0, 1, 0.2, 0.25], [1, 0, 0.4, 0.15], [2, 1, 0, 0.3], [3, 0, 0, 0.2]]
+SPLINE = [
+    [-1, 0, 0, 0.2],
+    [0, 1, 0.2, 0.25],
+    [1, 0, 0.4, 0.15],
+    [2, 1, 0, 0.3],
+    [3, 0, 0, 0.2],
+]
 HAIR = [[*p[:3], 0.02 * p[3]] for p in SPLINE]
 ZERO = np.zeros(1, np.int64)
 KINDS = {"linear_segments": LinearCurve, "bspline_pieces": BsplineCurve}
@@ -38,7 +52,9 @@ def rays(points, n, seed, spread=0.3):
     c, r = np.array(points)[:, :3], np.array(points)[:, 3].max()
     origin = np.float32(c.mean(axis=0) + 4.0 * directions(n, rng))
     k = rng.integers(0, len(c) - 1, n)
-    to = c[k] + rng.random((n, 1)) * (c[k + 1] - c[k]) + spread * r * rng.normal(size=(n, 3))
+    to = (
+        c[k] + rng.random((n, 1)) * (c[k + 1] - c[k]) + spread * r * rng.normal(size=(n, 3))
+    )
     return origin, np.float32(unit(to - origin))
 
 
@@ -71,7 +87,7 @@ def depth(points, p):
 
 def test_a_linear_curve_is_what_its_balls_sweep():
     points = np.float32(LINEAR).astype(float)
-    origin, direction = rays(LINEAR, 400, 1)
+    origin, direction = rays(LINEAR, 400, 1, 0.8)
     found = hits("linear_segments", table("linear_segments", LINEAR), origin, direction)
     o, d = origin.astype(float), direction.astype(float)
     t = np.linspace(2.0, 6.0, 1001)
@@ -92,7 +108,15 @@ def test_a_linear_curve_is_what_its_balls_sweep():
 def test_equal_radii_make_a_capsule_and_swallowed_balls_no_cone():
     """Answers known on paper: side, caps, joint, and a ball inside of the next."""
     capsule = table("linear_segments", [[-1, 0, 0, 0.5], [1, 0, 0, 0.5]])
-    o = [[0, 0, 3], [0.3, 3, 0], [-4, 0, 0], [4, 0.3, 0], [0, 0.6, 3], [0, 0, 0], [0.9, 0, 0.4]]
+    o = [
+        [0, 0, 3],
+        [0.3, 3, 0],
+        [-4, 0, 0],
+        [4, 0.3, 0],
+        [0, 0.6, 3],
+        [0, 0, 0],
+        [0.9, 0, 0.4],
+    ]
     d = [[0, 0, -1], [0, -1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0]]
     found = hits("linear_segments", capsule, np.array(o, float), np.array(d, float))
     expected = [2.5, 2.5, 2.5, 4 - 1.4, np.inf, np.inf, np.inf]
@@ -116,7 +140,9 @@ def test_equal_radii_make_a_capsule_and_swallowed_balls_no_cone():
 def spline(points, s):
     """Return the point and the radius (n, 4) at s (n,) of a curve, and the derivative."""
     k = np.clip(s.astype(int), 0, len(points) - 4)
-    c = segment_polynomials(BsplineCurve(bsdf=Diffuse(), points=np.float32(points), starts=ZERO))
+    c = segment_polynomials(
+        BsplineCurve(bsdf=Diffuse(), points=np.float32(points), starts=ZERO)
+    )
     w, c = (s - k)[:, None], c[k]
     value = c[:, 0] + w * (c[:, 1] + w * (c[:, 2] + w * c[:, 3]))
     return value, c[:, 1] + w * (2 * c[:, 2] + w * 3 * c[:, 3])
@@ -156,7 +182,9 @@ def exact_hits(points, origin, direction, first, s):
     return t, s, abs(residual(t, s)).max(axis=1)
 
 
-@pytest.mark.parametrize(("points", "within"), [(SPLINE, 2e-6), (HAIR, 1e-5)], ids=["fat", "thin"])
+@pytest.mark.parametrize(
+    ("points", "within"), [(SPLINE, 2e-6), (HAIR, 1e-5)], ids=["fat", "thin"]
+)
 def test_a_spline_is_the_tube_of_its_circles(points, within):
     """Rays that meet the mesh from outside, not grazing, meet the curve there."""
     faces, middles = tube(points, 600, 48)
@@ -167,7 +195,9 @@ def test_a_spline_is_the_tube_of_its_circles(points, within):
     waiting, gone = np.arange(len(start)), np.zeros(len(start))
     facing = np.zeros(len(start))
     for _ in range(6):  # on through what is seen from behind
-        found = closest(accelerator("triangles", mesh, "wide"), start[waiting], direction[waiting])
+        found = closest(
+            accelerator("triangles", mesh, "wide"), start[waiting], direction[waiting]
+        )
         met = found.prim >= 0
         waiting, prim = waiting[met], found.prim[met] - mesh.first
         gone[waiting] += found.t[met]
@@ -217,16 +247,22 @@ def test_no_ray_to_the_axis_finds_a_gap(kind, scale):
     for away in (2.5, 100.0):
         across = unit(np.cross(along, directions(len(to), rng)) + 0.4 * unit(along))
         origin = np.float32(to + away * across)
-        found = closest(accelerator(kind, surfaces, "wide"), origin, np.float32(unit(to - origin)))
+        found = closest(
+            accelerator(kind, surfaces, "wide"), origin, np.float32(unit(to - origin))
+        )
         assert (found.prim >= 0).all()
 
 
-@pytest.mark.parametrize("name", ["wide", "boxes", "bvh-median", "kd-sah", "grid", "octree"])
+@pytest.mark.parametrize(
+    "name", ["wide", "boxes", "bvh-median", "kd-sah", "grid", "octree"]
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_structure_finds_the_same_hits(name, kind):
     rng = np.random.default_rng(5)
-    curves = [np.cumsum(rng.normal(size=(7, 4)), axis=0) * [0.3, 0.3, 0.3, 0] for _ in range(12)]
-    curves = [c + [0, 0, 0, 0.03 + 0.1 * rng.random()] for c in curves]
+    curves = [
+        np.cumsum(rng.normal(size=(7, 4)), axis=0) * [0.3, 0.3, 0.3, 0] for _ in range(12)
+    ]
+    curves = [c + np.append(np.zeros(3), 0.03 + 0.1 * rng.random()) for c in curves]
     origin, direction = rays(np.concatenate(curves), 3000, 6, 1.0)
     truth = assert_same_hits(name, kind, table(kind, *curves), origin, direction)
     assert 0.05 < (truth.prim >= 0).mean() < 0.95
@@ -235,7 +271,11 @@ def test_every_structure_finds_the_same_hits(name, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_degenerate_curves_are_met_nowhere_or_finitely(kind):
     """Points that are equal, radii of 0, curves that turn back on themselves."""
-    for c in ([[0, 0, 0, 0]] * 5, [[0, 0, 0, 0.1]] * 5, [[k % 2, 0, 0, 0.1] for k in range(5)]):
+    for c in (
+        [[0, 0, 0, 0]] * 5,
+        [[0, 0, 0, 0.1]] * 5,
+        [[k % 2, 0, 0, 0.1] for k in range(5)],
+    ):
         origin, direction = rays([[0, 0, 0, 0.2], [1, 0, 0, 0.2]], 500, 7)
         found = hits(kind, table(kind, c), origin, direction)
         met = found.prim >= 0
