@@ -28,7 +28,7 @@ class CurveSurfaces(NamedTuple):
 
     first: int  # the primitive ids are first .. end - 1
     end: int
-    numbers: NDArray[np.float32]  # (16, n) the fields of the kind's primitive
+    numbers: NDArray[np.float32]  # (k, n) the fields of the kind's primitive
     place: NDArray[np.float32]  # (2, n) v where a part begins, and how far v runs along it
 
 
@@ -90,7 +90,7 @@ def first_points(shape: Curves, width: int) -> NDArray[np.int64]:
 
 
 def record(kind: Any, first: int, numbers: list[Any], places: list[Any]) -> Any:
-    """Return the table of a kind from numbers (n, 16) and places (n, 2) of all shapes."""
+    """Return the table of a kind from numbers (n, k) and places (n, 2) of all shapes."""
     rows = np.concatenate(numbers)
     place = np.concatenate(places).T
     return kind(

@@ -40,38 +40,17 @@ from renderer.scene_file.description import LinearCurve
 # The ball is met this far (in radii) behind the circle where the cone touches it, too: there
 # both are the same within 5e-7 radii, and rounding leaves no gap between them.
 _OVERLAP = np.float32(1e-3)
-# A neighbour's cone has this part of its squared radius less when it leaves hits out, or
-# rounding would do it where the surfaces of both continue one another.
-_WITHIN = np.float32(1.0 - 1e-4)
 _CLOSE = np.float32(1.001)  # rays that pass farther from the axis in radii cannot hit
 
 
 class Segment(NamedTuple):
-    """One segment, or 16 in lanes. A neighbour that is not there is 0."""
+    """One segment, or 16 in lanes."""
 
     begin: Vector
     radius: Number
     axis: Vector  # to the end
     growth: Number  # of the radius
-    before: Vector  # from the start of the segment to that of the one before it
-    before_growth: Number
-    after: Vector  # from the end of the segment to that of the one after it
-    after_growth: Number
-
-
-@kernel
-def _within_cone(p, axis, radius, growth):
-    """Return whether p, seen from the ball of that radius, is inside of the next cone."""
-    square = dot(axis, axis)
-    inverse = ONE / sqrt(square)  # infinite without a neighbour: comparisons are false
-    e, slope = axis * inverse, growth * inverse
-    z = dot(p, e)
-    across = p - e * z
-    rest = ONE - slope * slope
-    here = radius + slope * z
-    along = z + radius * slope
-    inside = (along >= ZERO) & (along <= rest * (square * inverse))
-    return inside & (rest * dot(across, across) < here * here * _WITHIN)
+    leads: Number  # 1: the first segment of its curve, 0: another
 
 
 @kernel
@@ -82,18 +61,6 @@ def _enter_ball(f, d, d_squared, radius):
     discriminant = radius * radius - dot(nearest, nearest)
     half = sqrt(maximum(discriminant, ZERO) / d_squared)
     return discriminant, middle - half
-
-
-@kernel
-def _outside_neighbours(segment, p, d, t, to_end):
-    """Return t, infinite where p + t d is in a neighbour; p is seen from the start."""
-    at = p + d * t
-    radius = segment.radius
-    before = _within_cone(at, segment.before, radius, segment.before_growth)
-    t = select(before, INFINITY, t)
-    radius = radius + segment.growth
-    after = _within_cone(at - to_end, segment.after, radius, segment.after_growth)
-    return select(after, INFINITY, t)
 
 
 @kernel
@@ -140,7 +107,6 @@ def hit_segment(segment, origin, direction, t_max):
     to_begin, to_end = axis * s, axis * (ONE - s)
     from_begin = o + to_begin
     t_cone = select(met, t_cone, INFINITY)
-    t_cone = _outside_neighbours(segment, from_begin, d, t_cone, axis)
 
     from_end = o - to_end
     end_radius = segment.radius + segment.growth
@@ -149,17 +115,13 @@ def hit_segment(segment, origin, direction, t_max):
     met = (found > ZERO) & ((beyond > ZERO) | (rest <= ZERO) | (length + zero <= ZERO))
     met = met & (start + t_end > ZERO)
     t_end = select(met, t_end, INFINITY)
-    t_end = _outside_neighbours(segment, from_begin, d, t_end, axis)
 
     found, t_begin = _enter_ball(from_begin, d, d_squared, segment.radius)
     beyond = dot(from_begin + d * t_begin, e) + segment.radius * slope
     beyond = beyond - segment.radius * _OVERLAP
     met = (found > ZERO) & ((beyond < ZERO) | (rest <= ZERO) | (length + zero <= ZERO))
-    growth = segment.before_growth
-    alone = dot(segment.before, segment.before) + growth * growth + zero
-    met = met & (alone == ZERO) & (start + t_begin > ZERO)
+    met = met & (segment.leads + zero > ZERO) & (start + t_begin > ZERO)
     t_begin = select(met, t_begin, INFINITY)
-    t_begin = _outside_neighbours(segment, from_begin, d, t_begin, axis)
 
     nearest = minimum(minimum(t_cone, t_end), t_begin)
     v = select(nearest == t_end, zero + ONE, zero)
@@ -217,12 +179,8 @@ def surfaces(shapes: list[LinearCurve], first: int) -> LinearSegments:
         points, begins = shape.points, first_points(shape, 2)
         count = len(begins)
         here, end = points[begins], points[begins + 1]
-        # neighbours in the list of segments are of one curve if they are next to each other
-        joined = np.diff(begins) == 1
-        before, after = np.zeros((2, count, 4), np.float32)
-        before[1:][joined] = (here[:-1] - here[1:])[joined]
-        after[:-1][joined] = (end[1:] - end[:-1])[joined]
-        numbers.append(np.hstack([here, end - here, before, after]))
+        leads = np.isin(begins, shape.starts)[:, None]
+        numbers.append(np.hstack([here, end - here, leads]))
         places.append(np.stack([np.arange(count), np.ones(count)], 1) / count)
     table: LinearSegments = record(LinearSegments, first, numbers, places)
     return table
