@@ -1,13 +1,13 @@
 """Ray against cubic B-spline curve: the tube of the circles across it, open at its ends.
 
-A circle lies in the plane across the curve c(s), around its point there, and has the radius
-r(s), a cubic too. A point x is on the tube where g = |q|^2 - r^2 is 0, with q = x - c(s) and
-s such that q . c'(s) = 0. Along a ray x(t) that condition makes s a function of t, so g is
-one as well, and its first two derivatives are known. As g of a straight tube is a quadratic,
-each step goes to the root of the quadratic that has these derivatives, at which the ray
-enters. That converges cubically, and rays that pass a tube stop at the least g, above 0.
-[Reshetov2018] goes along the curve in place of the ray, where both roots of a thin tube that
-is met across are in one place.
+A circle lies in the plane across the curve c(s), around its point there, and has the
+radius r(s), a cubic too. A point x is on the tube where g = |q|^2 - r^2 is 0, with
+q = x - c(s) and s such that q . c'(s) = 0. Along a ray x(t) that condition makes s a
+function of t, so g is one as well, and its first two derivatives are known. As g of a
+straight tube is a quadratic, each step goes to the root of the quadratic that has these
+derivatives, at which the ray enters. That converges cubically, and rays that pass a tube
+stop at the least g, above 0. [Reshetov2018] goes along the curve in place of the ray, where
+both roots of a thin tube that is met across are in one place.
 
 Each segment of a curve is cut into pieces that bend by less than 15 degrees and leave their
 chord by less than half a radius, so that a ray enters none twice. Each is a primitive.
@@ -50,6 +50,7 @@ from renderer.process import memory
 from renderer.scene_file.description import BsplineCurve
 
 _TWO, _THREE, _SIX = np.float32(2.0), np.float32(3.0), np.float32(6.0)
+_HALF = np.float32(0.5)
 _STEPS = 5
 _NEWTON_STEPS = 8  # from a point next to the surface to its place along the curve
 _FARTHEST = np.float32(
@@ -141,7 +142,9 @@ def _step(piece, x, direction, s, farthest):
     root = sqrt(maximum(discriminant, ZERO))
     t = select(first > ZERO, -(first + root) / second, g / (root - first))
     enters = (discriminant > ZERO) & (here.steepness > _STEEPEST * square)
-    t = _bounded(select(discriminant > ZERO, t, -first / second), -farthest, farthest)
+    # without a root: outside, to the least g; inside of a bend, back by half of the piece
+    other = select(g > ZERO, -first / second, -_HALF / fabs(ds))
+    t = _bounded(select(discriminant > ZERO, t, other), -farthest, farthest)
     return Step(t, ds * t, enters)
 
 

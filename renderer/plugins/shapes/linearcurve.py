@@ -1,12 +1,12 @@
 """Ray against linear curve: cones that touch a ball at both ends, and the balls themselves.
 
-A segment is a cone, the ball at its end beyond it, and, if it is the first of its curve, the
-ball at its start: together the hull of two balls, as often as there are segments [Han2019].
-With unit axis e, radius r0 + k z and slope k, the cone is rho^2 (1 - k^2) = (r0 + k z)^2 at
-height z and distance rho from the axis. A ball that lies inside of the other has no cone.
+A segment is a cone, the ball at its end beyond it, and, if it is the first of its curve,
+the ball at its start: together the hull of two balls for each segment [Han2019]. With unit
+axis e, radius r0 + k z and slope k, the cone is rho^2 (1 - k^2) = (r0 + k z)^2 at height z
+and distance rho from the axis. A ball that lies inside of the other has no cone.
 
-Where neighbours meet, the surface of one lies inside of the other. A ray from outside never
-gets there; for one that starts inside, what lies in a neighbour's cone is left out.
+In a bend a part of each segment lies inside of the next. Rays from outside never get there;
+one that starts in a segment meets the next one there, in Mitsuba too.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from renderer.plugins.shapes.scalar_shapes import INFINITY
 from renderer.plugins.shapes.surface import ROUNDING, SurfacePoint, magnitude, nowhere
 from renderer.scene_file.description import LinearCurve
 
-# The ball is met this far (in radii) behind the circle where the cone touches it, too: there
-# both are the same within 5e-7 radii, and rounding leaves no gap between them.
+# The ball is met this far (in radii) behind the circle where the cone touches it, too:
+# there both are the same within 5e-7 radii, and rounding leaves no gap between them.
 _OVERLAP = np.float32(1e-3)
 _CLOSE = np.float32(1.001)  # rays that pass farther from the axis in radii cannot hit
 

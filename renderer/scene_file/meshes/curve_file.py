@@ -1,4 +1,4 @@
-"""Files of curves: each line is a control point, `x y z radius`, and an empty one parts two.
+"""Files of curves: a control point `x y z radius` on each line, an empty line between two.
 
 Blanks and tabs lie between the numbers; what follows the fourth is not looked at.
 """
@@ -79,8 +79,8 @@ def _check(
     if (points[:, 3] < 0.0).any():
         wrong = int(np.argmax(points[:, 3] < 0.0))
         raise SceneError(
-            f"{path}:{lines[wrong]}: the radius {points[wrong, 3]:g} is negative; 0 or more "
-            "is possible"
+            f"{path}:{lines[wrong]}: the radius {points[wrong, 3]:g} is negative; 0 or "
+            "more is possible"
         )
     counts = np.diff([*starts, len(lines)])
     if (counts < least).any():

