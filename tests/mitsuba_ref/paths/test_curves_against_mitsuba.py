@@ -72,8 +72,8 @@ def seen_by_both(scene, reference, origin, direction):
     found = interactions(reference, origin, direction)
     there = np.array([si.is_valid() for si in found])
     assert there.mean() > 0.2
-    # Embree loses some of thin segments that become thinner, and grazing ones differ
-    assert (there & ~hit).mean() < 1e-3 and (hit & ~there).mean() < 3e-3
+    # where a thin segment ends in a point, Embree's hits are off by up to 1e-3
+    assert (there & ~hit).mean() < 2e-3 and (hit & ~there).mean() < 3e-3
     hit &= there
     seen = look(inputs, origin[hit], direction[hit])
     return seen, [si for si, one in zip(found, hit, strict=True) if one], hit
