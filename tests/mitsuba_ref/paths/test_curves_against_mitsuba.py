@@ -25,11 +25,12 @@ from renderer.scene_file import read_dict
 
 LINEAR = "0 0 0 .2\n1 0 0 .3\n1 1 .5 .1\n"
 SPLINE = "-1 0 0 .2\n0 1 .2 .25\n1 0 .4 .15\n2 1 0 .3\n3 0 0 .2\n"
-HAIR = "-1 0 0 .004\n0 1 .2 .005\n1 0 .4 .003\n2 1 0 .006\n3 0 0 .004\n4 .5 .2 0\n"  # a tip
+HAIR = "-1 0 0 .004\n0 1 .2 .005\n1 0 .4 .003\n2 1 0 .006\n3 0 0 .004\n4 .5 .2 "
 SHAPE = '<shape type="{}"><string name="filename" value="curve.txt"/>{}</shape>'
 PLUGINS = {
-    "linearcurve": (LINEAR, LINEAR + "\n" + HAIR),
-    "bsplinecurve": (SPLINE, SPLINE + "\n" + HAIR),
+    # not as thin: there hits of Embree are off the cone by up to 3e-4, and ours by 1e-6
+    "linearcurve": (LINEAR, f"{LINEAR}\n{HAIR}.003".replace(".00", ".04")),
+    "bsplinecurve": (SPLINE, f"{SPLINE}\n{HAIR}0"),
 }
 MOVED = (
     '<transform name="to_world"><scale x="1.2" y="-0.7" z="1"/>'
@@ -72,8 +73,7 @@ def seen_by_both(scene, reference, origin, direction):
     found = interactions(reference, origin, direction)
     there = np.array([si.is_valid() for si in found])
     assert there.mean() > 0.2
-    # where a thin segment ends in a point, Embree's hits are off by up to 1e-3
-    assert (there & ~hit).mean() < 2e-3 and (hit & ~there).mean() < 3e-3
+    assert (there & ~hit).mean() < 1e-3 and (hit & ~there).mean() < 1e-3
     hit &= there
     seen = look(inputs, origin[hit], direction[hit])
     return seen, [si for si, one in zip(found, hit, strict=True) if one], hit
@@ -91,8 +91,8 @@ def test_ten_thousand_rays_meet_what_they_meet_in_mitsuba(plugin, which, inside,
     turn = seen.uv[:, 0] - [si.uv[0] for si in found]
     seen.uv[:, 0] -= np.round(turn)
     for name, mine, rows, within in (
-        ("t", seen.t, [si.t for si in found], 2e-5),
-        ("p", seen.position, [si.p for si in found], 2e-5),
+        ("t", seen.t, [si.t for si in found], 5e-5),
+        ("p", seen.position, [si.p for si in found], 5e-5),
         ("n", seen.normal, [si.n for si in found], 2e-3),
         ("uv", seen.uv, [si.uv for si in found], 1e-3),
     ):
