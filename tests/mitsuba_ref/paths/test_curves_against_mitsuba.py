@@ -1,4 +1,4 @@
-"""Curves as Mitsuba has them: files that it reads and refuses, hits, normals, uv, frames."""
+"""Curves as Mitsuba has them: files, hits, normals, uv, frames."""
 
 from __future__ import annotations
 
