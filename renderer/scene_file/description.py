@@ -322,6 +322,24 @@ class SdfGrid(Shape):
     smooth: bool = True  # shading normals are continuous
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Curves(Shape):
+    """Curves in world space, along which a ball of changing radius is swept."""
+
+    points: NDArray[np.float32]  # (n, 4) control points x, y, z, radius; radii are >= 0
+    starts: NDArray[np.int64]  # (curves,) ascending: the first point of each
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearCurve(Curves):
+    """Straight segments between the points, with balls at all of them."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BsplineCurve(Curves):
+    """Uniform cubic B-splines of the points and of their radii, open at both ends."""
+
+
 # ---------------------------------------------------- groups and instances
 
 
