@@ -49,6 +49,7 @@ WIDE = (
     "evening-sky",
     "instances",
     "metals",
+    "mist",
     "white-furnace",
 )
 SAMPLES = 256

@@ -52,6 +52,7 @@ TEXTURES = {
 }
 # types of what is read in another way
 OTHERS = {
+    "albedo": "colour",
     "color": "colour",
     "expression": "string",
     "ext_ior": "float or name of a material",
@@ -62,6 +63,7 @@ OTHERS = {
     "intensity": "colour",
     "irradiance": "colour",
     "radiance": "colour",
+    "sun_direction": "vector",
     "to_world": "transform",
 }
 CONSTANTS: dict[str, Parameters] = {

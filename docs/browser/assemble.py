@@ -40,8 +40,9 @@ def assemble(output: Path, pyodide: Path | None) -> None:
     with zipfile.ZipFile(output / "renderer.zip", "w", zipfile.ZIP_DEFLATED) as sources:
         for name in PYTHON:
             sources.write(HERE / name, name)
-        for file in sorted((ROOT / "renderer").rglob("*.py")):
-            sources.write(file, file.relative_to(ROOT))
+        for pattern in ("*.py", "*.npz"):
+            for file in sorted((ROOT / "renderer").rglob(pattern)):
+                sources.write(file, file.relative_to(ROOT))
     if pyodide is not None:
         (output / "pyodide").mkdir(exist_ok=True)
         for name in needed(pyodide):

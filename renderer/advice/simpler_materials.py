@@ -25,6 +25,7 @@ from renderer.scene_file.description import (
     Rgb,
     Texture,
     ThinDielectric,
+    VolumeTexture,
 )
 
 # ----------------------------------------------------------------------------- textures
@@ -74,6 +75,13 @@ def recolored(texture: Texture, change: Callable[[Colors], Colors]) -> Texture:
             color0=recolored(texture.color0, change),
             color1=recolored(texture.color1, change),
         )
+    if isinstance(texture, VolumeTexture):
+        values = np.broadcast_to(
+            texture.volume.values, (*texture.volume.values.shape[:3], 3)
+        )
+        colors = change(values.astype(np.float64)).astype(np.float32)
+        volume = dataclasses.replace(texture.volume, values=colors)
+        return dataclasses.replace(texture, volume=volume)
     assert isinstance(texture, MeshAttributeTexture)
     one = float(change(np.ones(3)).mean())
     return dataclasses.replace(texture, scale=texture.scale * one)

@@ -65,15 +65,18 @@ def compile_others() -> None:
 
 _MESH = "mesh.ply"
 _MEASURED = "measured.binary"
+_CURVE = "curve.txt"
 _PIXELS = np.linspace(0.1, 0.9, 48, dtype=np.float32).reshape(4, 4, 3)
 _BITMAP = {"type": "bitmap", "data": _PIXELS, "raw": True}
 _REQUIRED: dict[str, Properties] = {  # properties without a default, by plugin
     "aov": {"aovs": "z:depth"},
     "bitmap": _BITMAP,
     "blendbsdf": {"weight": 0.5},
+    "bsplinecurve": {"filename": _CURVE},
     "bumpmap": {"heights": _BITMAP},
     "envmap": {"bitmap": _PIXELS},
     "implicit": {"expression": "x*x + y*y + z*z - 0.5"},
+    "linearcurve": {"filename": _CURVE},
     "merl": {"filename": _MEASURED},
     "mesh_attribute": {"name": "vertex_heat"},
     "moment": {"inner": {"type": "path"}},
@@ -90,7 +93,8 @@ _PATH: Properties = {"integrator": "path"}
 _REPLAY = _PATH | {"sampler": REPLAY}
 _FIRST_HIT: Properties = {"integrator": "aov"}
 _TREE: Properties = {"integrator": "whitted"}
-_DARK = {"implicits", "sdf_cells"}  # shapes that cannot shine
+# shapes that cannot shine
+_DARK = {"implicits", "sdf_cells", "linear_segments", "bspline_pieces"}
 _PLAIN = _DARK | {"cylinders"}  # or in one colour alone
 _UP = np.diag([1.0, -1.0, -1.0, 1.0])  # turns a rectangle over
 
@@ -104,6 +108,7 @@ def write_files(folder: Path) -> None:
         "0 0 0 0 0 0.2\n1 0 0 1 0 0.5\n0 1 0 0 1 0.8\n3 0 1 2\n"
     )
     counts, values = np.full(3, 2, np.int32), np.full(24, 100.0)
+    (folder / _CURVE).write_text("-1 0 0 .2\n0 1 0 .2\n1 0 0 .2\n2 1 0 .2\n")
     (folder / _MEASURED).write_bytes(counts.tobytes() + values.tobytes())
 
 

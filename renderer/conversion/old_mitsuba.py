@@ -17,6 +17,9 @@ from renderer.conversion.old_plugins import (
     NO_HEIR,
     PLUGINS,
     RENAMED,
+    SUN_AND_SKY,
+    UPRIGHT,
+    UPRIGHT_BY_COMPASS,
     UV,
     VALUES,
 )
@@ -127,6 +130,8 @@ class _Upgrade:
             if plugin not in supported_plugins(node.tag):
                 why = HINTS.get(plugin, HINTS.get(node.tag, "lightproof has none"))
                 self._leave(node, f'{node.tag} "{plugin}"', why)
+        if node.tag == "emitter" and plugin in SUN_AND_SKY:
+            gone += self._sun_and_sky(node, plugin)
         uv = [child for child in node.children if child.attributes.get("name") in UV]
         self._uv_transform(uv)
         modes = [c for c in node.children if c.attributes.get("name", "")[:8] == "wrapMode"]
@@ -272,6 +277,31 @@ class _Upgrade:
         self._document.replace(weights, [after])
         self._change(weights, before, after)
         return weights
+
+    def _sun_and_sky(self, node: Node, plugin: str) -> list[Node]:
+        """Set a sky upright whose y was up; return the children that are done with."""
+        scaled, dark = SUN_AND_SKY[plugin]
+        named = {
+            current_name(plugin, child.attributes.get("name", "")): child
+            for child in node.children
+        }
+        done = []
+        if scaled and "scale" in named:
+            done.append(named["scale"])
+            self._set_value(named["scale"], "name", scaled)
+        directed = "sun_direction" in named
+        step = UPRIGHT if directed else UPRIGHT_BY_COMPASS
+        lines = [f'<float name="{dark}" value="0"/>'] if dark else []
+        if "to_world" in named:
+            self._document.insert(named["to_world"], [step])
+            if directed:
+                why = "it is in the world now, so apply to_world to it"
+                self._leave(named["sun_direction"], "sunDirection", why)
+        else:
+            lines += ['<transform name="to_world">', f"\t{step}", "</transform>"]
+        self._document.insert(node, lines)
+        self._add(node, CHANGED, "y is up", f"z is up by {step}")
+        return done
 
     def _gamma(self, node: Node) -> None:
         """Replace a gamma of 1, which says that texels are linear; drop any other one."""

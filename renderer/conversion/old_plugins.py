@@ -23,6 +23,8 @@ PLUGINS = {  # (tag, old): (new, what differs; nothing if the name alone does)
     },
     ("sensor", "perspective_rdist"): ("perspective", "without radial distortion"),
     ("bsdf", "roughdiffuse"): ("diffuse", "without roughness"),
+    ("emitter", "sky"): ("sunsky", "a later fit of the same model, without the sun"),
+    ("emitter", "sun"): ("sunsky", "a later fit of the same model, without the sky"),
 }
 KEPT = {  # of a plugin that another one replaces
     "integrator": {"max_depth", "rr_depth", "hide_emitters"},
@@ -49,6 +51,9 @@ NO_HEIR = {  # (tag, name in Mitsuba 3's style): why
     ("texture", "max_anisotropy"): "textures are not filtered over pixels",
     ("emitter", "cache"): _NO_EFFECT,
     ("emitter", "gamma"): "the file says how it is encoded",
+    ("emitter", "stretch"): "the sky ends at the horizon",
+    ("emitter", "resolution"): "the sky is a formula, no picture",
+    ("emitter", "sun_radius_scale"): "sun_aperture is the angle of the sun, 0.5358",
     ("sensor", "kc"): "there is no radial distortion",
     ("bsdf", "ext_eta"): "metals are in vacuum",
     ("bsdf", "preserve_colors"): "`nonlinear` says it since 0.4",
@@ -72,6 +77,17 @@ VALUES = {  # (tag, name): what an old value is now, and what differs
         "as": ("beckmann", "the distribution of the same roughness"),
     },
 }
+# Suns and skies: what `scale` is of each, and what turns off the other half of sunsky.
+SUN_AND_SKY = {
+    "sky": ("sky_scale", "sun_scale"),
+    "sun": ("sun_scale", "sky_scale"),
+    "sunsky": ("", ""),
+}
+# Their y was up, with z in the south and x in the east. Now z is up, with x in the south
+# and y in the west: a mirroring, which does not change a sky. A sun that is given by its
+# direction needs no compass.
+UPRIGHT = '<rotate x="1" angle="-90"/>'
+UPRIGHT_BY_COMPASS = '<matrix value="0 -1 0 0  0 0 1 0  1 0 0 0  0 0 0 1"/>'
 UV = ("uscale", "vscale", "uoffset", "voffset")
 HINTS = {  # of what is left as it is
     "integrator": "--integrator path renders the scene without it",
@@ -80,9 +96,6 @@ HINTS = {  # of what is left as it is
     "coating": "plastic comes near it where the base is diffuse",
     "roughcoating": "roughplastic comes near it where the base is diffuse",
     "mixturebsdf": "blendbsdf mixes two BSDFs whose weights add up to 1",
-    "sky": "an envmap of it takes its place",
-    "sun": "directional comes near it",
-    "sunsky": "an envmap of it takes its place",
     "animation": "nothing moves here",
     "subsurface": "there is no subsurface scattering",
 }

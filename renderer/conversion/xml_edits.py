@@ -29,6 +29,7 @@ class Node:
     tag: str
     line: int
     begin: int  # of the element
+    opened: int = 0  # behind its first tag
     end: int = 0
     tag_spans: list[Span] = field(default_factory=list)  # of one tag or of both
     attributes: dict[str, str] = field(default_factory=dict)
@@ -65,7 +66,8 @@ class EditedXml:
                 node = path.pop()
                 node.tag_spans.append(token.span("tag"))
             else:
-                node = Node(tag, line, token.start(), tag_spans=[token.span("tag")])
+                span = token.span("tag")
+                node = Node(tag, line, token.start(), token.end(), tag_spans=[span])
                 self._read_attributes(node, *token.span("rest"))
                 path[-1].children.append(node)
                 if not token["rest"].endswith("/"):
@@ -112,10 +114,24 @@ class EditedXml:
 
     def replace(self, node: Node, lines: list[str]) -> None:
         """Put lines in the place of an element, indented as it is."""
+        self._edit((node.begin, node.end), self._new_line(node).join(lines))
+
+    def insert(self, node: Node, lines: list[str]) -> None:
+        """Put lines at the beginning of what is in an element, one step further in."""
+        if not lines:
+            return
+        new_line = self._new_line(node)
+        text = "".join(f"{new_line}\t{line}" for line in lines)
+        if self._text[node.opened - 2] == "/":  # <tag/>
+            text = f">{text}{new_line}</{node.tag}>"
+            self._edit((node.opened - 2, node.opened), text)
+        else:
+            self._edit((node.opened, node.opened), text)
+
+    def _new_line(self, node: Node) -> str:
         before = self._text[self._line_start(node) : node.begin]
         indent = before[: len(before) - len(before.lstrip())]
-        newline = "\r\n" if "\r\n" in self._text else "\n"
-        self._edit((node.begin, node.end), (newline + indent).join(lines))
+        return ("\r\n" if "\r\n" in self._text else "\n") + indent
 
     def _line_start(self, node: Node) -> int:
         return self._text.rfind("\n", 0, node.begin) + 1

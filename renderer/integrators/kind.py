@@ -28,6 +28,8 @@ class Case(NamedTuple):
     smooth: bool  # it has other BSDFs than these
     chooses: bool  # it has BSDFs that choose between lobes
     transparent: bool  # samples that meet only holes are black
+    media: bool = False  # light is scattered or absorbed between surfaces
+    straight: bool = False  # rays go straight on through surfaces
 
     @property
     def depth(self) -> int:
@@ -90,5 +92,6 @@ class IntegratorKind:
     splits: bool = False  # delta lobes are all followed, on a tree of rays
     first_hit: bool = False  # shows uv and albedo
     counts_work: bool = False
+    media: bool = False  # paths go through participating media
     # `trace` for several samples of lights or BSDF at a point; None: not supported
     trace_several: Any = None

@@ -13,7 +13,7 @@ VERSION = "0.2.0"
 #
 # That is Numba and the kernels, which `--help` should not have to wait for.
 
-INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
+INTEGRATORS = ("auto", "direct", "whitted", "path", "volpath", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "sobol")
 REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 LIGHT_CHOICES = ("importance", "uniform")

@@ -275,10 +275,11 @@ def workspace_of(
         kinds=kinds,
         parameters=parameters,
         counted=plan.kind.counts_work,
-        previous_points=previous_points,
+        previous_points=previous_points or plan.kind.media,
         capacity=batch,
         splat_size=TILE_SIZE + 2 * border if border else 0,
         slots=CAPACITY << 2 * level,
+        media=plan.kind.media,
     )
 
 

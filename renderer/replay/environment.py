@@ -32,12 +32,11 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import column, select3, vec3
-from renderer.plugins.lights.environment import environment_light
+from renderer.plugins.lights.environment import distant_sample, environment_light
 from renderer.plugins.lights.envmap import (
     INV_TWO_PI,
     EnvironmentMaps,
     by_solid_angle,
-    distant_sample,
     half_texel,
     image_density,
     image_point,

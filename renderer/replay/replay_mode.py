@@ -93,10 +93,10 @@ def check_replay(requested: Integrator, method: str, extended: bool) -> None:
             "light, or without caustics; possible is the scene without sampling=lights, "
             "sampling=bsdfs and caustics=off"
         )
-    if requested.stands_for:
+    if requested.name == "volpath":
         raise NotReplayable(
-            f"sampler 'mitsuba': {requested.stands_for}, which is rendered by path here, "
-            "draws in another order; its pictures agree in the mean"
+            "sampler 'mitsuba': volpath draws in another order here; its pictures agree in "
+            "the mean"
         )
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.scene_file.images.image import Image
+from renderer.scene_file.media_description import GridVolume, Medium
 
 Rgb = tuple[float, float, float]
 
@@ -84,7 +85,21 @@ class MeshAttributeTexture:
     location: Location = NOWHERE
 
 
-Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
+@dataclass(frozen=True, eq=False)
+class VolumeTexture:
+    """What a grid of numbers in the world is at the points of a surface."""
+
+    volume: GridVolume
+    location: Location = NOWHERE
+
+
+Texture = (
+    ConstantTexture
+    | BitmapTexture
+    | CheckerboardTexture
+    | MeshAttributeTexture
+    | VolumeTexture
+)
 Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 
@@ -235,6 +250,8 @@ class Shape:
 
     bsdf: Bsdf
     radiance: Radiance | None = None  # of an area emitter, on the side of the normal
+    interior: Medium | None = None  # behind the surface; both None: not a boundary
+    exterior: Medium | None = None  # on the side of the normal
     id: str = ""
     location: Location = NOWHERE
 
@@ -303,6 +320,24 @@ class SdfGrid(Shape):
     to_world: NDArray[np.float64]  # (4, 4)
     distances: NDArray[np.float32]  # (z, y, x), at least 2 along each axis, finite
     smooth: bool = True  # shading normals are continuous
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Curves(Shape):
+    """Curves in world space, along which a ball of changing radius is swept."""
+
+    points: NDArray[np.float32]  # (n, 4) control points x, y, z, radius; radii are >= 0
+    starts: NDArray[np.int64]  # (curves,) ascending: the first point of each
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearCurve(Curves):
+    """Straight segments between the points, with balls at all of them."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BsplineCurve(Curves):
+    """Uniform cubic B-splines of the points and of their radii, open at both ends."""
 
 
 # ---------------------------------------------------- groups and instances
@@ -390,6 +425,21 @@ class EnvironmentMap:
 
 
 @dataclass(frozen=True, eq=False)
+class SunSky:
+    """Sun and sky by the model of Hosek and Wilkie; local +z is up."""
+
+    plugin: ClassVar[str] = "sunsky"
+    sun_direction: tuple[float, float, float]  # unit, world, to the sun
+    turbidity: float  # of the air, 1 to 10
+    albedo: Rgb  # of the ground
+    sun_scale: float
+    sky_scale: float
+    sun_aperture: float  # [deg] the whole angle
+    complex_sun: bool  # darker towards its edge
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+
+
+@dataclass(frozen=True, eq=False)
 class AreaLight:
     """What shines on the surface of a shape; stands there as its `radiance`."""
 
@@ -397,7 +447,13 @@ class AreaLight:
 
 
 Emitter = (
-    PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap | Projector
+    PointLight
+    | SpotLight
+    | DirectionalLight
+    | ConstantLight
+    | EnvironmentMap
+    | SunSky
+    | Projector
 )
 
 
@@ -458,6 +514,7 @@ class Sensor:
     near_clip: float = 0.01
     far_clip: float = 1e4
     shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
+    medium: Medium | None = None  # that paths start in
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -511,7 +568,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Integrator:
-    """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
+    """`direct`, `path`, `volpath`, ...; each uses the fields it needs."""
 
     name: str = "path"
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
@@ -529,7 +586,6 @@ class Integrator:
     caustics: bool = True
     nested: Integrator | None = None  # aov: the integrator whose colours come first
     moments: Moments | None = None  # `moment` stands around it
-    stands_for: str = ""  # the plugin of the file, where another name is as good here
     refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
 
 
@@ -553,6 +609,12 @@ class SceneDescription:
     # their names once one was taken out, or the rest would be counted anew; (): all there
     emitter_names: tuple[str, ...] = ()
     simplified: tuple[str, ...] = ()  # names of the simplifications that were applied
+
+    @property
+    def has_media(self) -> bool:
+        """Whether light can be absorbed or scattered between surfaces."""
+        bounds = (s.interior or s.exterior for s in self.every_shape)
+        return self.camera.medium is not None or any(bounds)
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:

@@ -27,9 +27,12 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     "bsdf": (),
     "texture": ("srgb", "d65", "rawconstant", "regular", "irregular", "blackbody"),
     "emitter": (),
+    "medium": ("homogeneous", "heterogeneous"),
+    "phase": ("isotropic", "hg", "rayleigh", "tabphase", "blendphase"),
+    "volume": ("constvolume", "gridvolume"),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
-UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
+UNSUPPORTED_TAGS = ("field",)
 TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 
 

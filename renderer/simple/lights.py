@@ -18,12 +18,14 @@ from renderer.scene_file.description import (
     PointLight,
     Sphere,
     SpotLight,
+    SunSky,
 )
 from renderer.simple.camera import Vector, normalize, orthonormal_basis, square_to_sphere
 from renderer.simple.shapes import Hit, Surface
+from renderer.simple.sky import Sky
 
-Light = Emitter | Surface
-EMITTERS = (PointLight, SpotLight, DirectionalLight, ConstantLight)
+Light = Emitter | Surface | Sky
+EMITTERS = (PointLight, SpotLight, DirectionalLight, ConstantLight, SunSky)
 SPHERE_PDF = 1.0 / (4.0 * math.pi)
 
 
@@ -54,6 +56,11 @@ def sample_light(light: Light, p: Vector, x: float, y: float, z: float) -> Light
             wi = np.array(square_to_sphere(x, y))
             radiance = np.array(light.radiance) / SPHERE_PDF
             return LightSample(wi, math.inf, radiance, SPHERE_PDF)
+        case Sky():
+            wi, in_sun = light.sample(x, y)
+            pdf = light.pdf(wi, in_sun)
+            radiance = light.radiance(wi, in_sun) / pdf if pdf > 0.0 else np.zeros(3)
+            return LightSample(wi, math.inf, radiance, pdf)
         case Surface():
             return _sample_surface(light, p, x, y, z)
     raise TypeError(f"no formula for {light}")
@@ -74,20 +81,25 @@ def _sample_surface(light: Surface, p: Vector, x: float, y: float, z: float) -> 
         hit = light.at(np.array(light.unit.point(x, y)), choose_face(light, z), p)
     if hit is None or hit.light is None:  # past the silhouette by rounding, or behind
         return LightSample(np.zeros(3), 0.0, np.zeros(3), 0.0)
-    pdf = pdf_light(light, p, hit)
+    pdf = pdf_light(light, p, -hit.wo, hit)
     return LightSample(-hit.wo, hit.t, np.array(light.radiance) / pdf, pdf)
 
 
-def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> float:
-    """Return the density [1/sr] with which `sample_light` chooses the direction to a hit.
+def pdf_light(
+    light: ConstantLight | Sky | Surface, p: Vector, d: Vector, hit: Hit | None
+) -> float:
+    """Return the density [1/sr] with which `sample_light` chooses the direction d to a hit.
 
     From density per area to density per solid angle: r^2 / (A cos).
     """
+    if isinstance(light, Sky):
+        return light.pdf(d)
     if isinstance(light, ConstantLight) or hit is None:
         return SPHERE_PDF
     if cone := _cone(light, p):
         return 1.0 / (2.0 * math.pi * cone[1])
-    return hit.t**2 / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
+    squared = float(np.sum((hit.x - p) ** 2))  # not t: p may lie before the ray's origin
+    return squared / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
 
 
 def power_heuristic(pdf: float, other_pdf: float) -> float:

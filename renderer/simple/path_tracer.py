@@ -26,10 +26,11 @@ import numpy as np
 from renderer.scene_file.description import SceneDescription, Sensor
 from renderer.simple.bsdfs import BsdfSample, Lobe
 from renderer.simple.camera import Ray, Vector, camera_ray
-from renderer.simple.lights import pdf_light, power_heuristic, sample_light
+from renderer.simple.lights import power_heuristic, sample_light
 from renderer.simple.materials import Material
-from renderer.simple.scene import Scene, closest_hit, visible
+from renderer.simple.scene import Scene, closest_hit, emission, visible
 from renderer.simple.shapes import Hit
+from renderer.simple.volume_path import volpath_radiance
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
 # pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights
@@ -81,7 +82,7 @@ def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
         block, last = 1 + BLOCKS_PER_BOUNCE * bounce, bounce + 1 == scene.max_depth
         hit = closest_hit(scene, p, d, near, far)
-        radiance += throughput * emission(scene, p, hit, came_by, share)
+        radiance += throughput * emission(scene, p, d, hit, came_by, share)
         if only_holes and nothing_is_seen(scene, hit, last):
             return np.zeros(3)
         if hit is None or last:
@@ -122,7 +123,7 @@ def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
     if scene.max_depth < 1:
         return np.zeros(3)
     hit = closest_hit(scene, p, d, near, far)
-    radiance = emission(scene, p, hit, None)
+    radiance = emission(scene, p, d, hit, None)
     if hit is None or scene.max_depth < 2:
         return radiance
     material, count = Material(hit), scene.bsdf_samples
@@ -136,7 +137,7 @@ def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         scattered = material.sample((x, y, choice))
         if scattered.weight.any():
             found = closest_hit(scene, hit.x, scattered.wi, 0.0, np.inf)
-            light = emission(scene, hit.x, found, scattered, share)
+            light = emission(scene, hit.x, scattered.wi, found, scattered, share)
             radiance = radiance + scattered.weight * light / count
     return radiance
 
@@ -153,7 +154,7 @@ def whitted_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         if depth >= scene.max_depth:
             continue
         hit = closest_hit(scene, p, d, near, far)
-        radiance += weight * emission(scene, p, hit, None)
+        radiance += weight * emission(scene, p, d, hit, None)
         if hit is None or depth + 1 >= scene.max_depth:
             continue
         material, block = Material(hit), 2 + BLOCKS_PER_BOUNCE * depth
@@ -169,24 +170,8 @@ INTEGRATORS = {
     "path": path_radiance,
     "direct": direct_radiance,
     "whitted": whitted_radiance,
+    "volpath": volpath_radiance,
 }
-
-
-def emission(
-    scene: Scene, p: Vector, hit: Hit | None, came_by: BsdfSample | None, share: float = 1.0
-) -> Vector:
-    """Return L_e of what a ray from p has met, as far as it counts for this way to it.
-
-    A direction of a smooth lobe could have been a light sample as well, and is weighted.
-    `share` is the number of light samples for each sample of the BSDF.
-    """
-    light = scene.environment if hit is None else hit.light
-    if light is None:
-        return np.zeros(3)
-    weight = 1.0
-    if came_by is not None and came_by.lobe is Lobe.SMOOTH:
-        weight = power_heuristic(came_by.pdf, pdf_light(light, p, hit) * share)
-    return weight * np.array(light.radiance)
 
 
 def light_of_all(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
+
+import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.light_order import light_order
@@ -12,19 +14,23 @@ from renderer.scene_file.description import (
     ConstantLight,
     MeshAttributeTexture,
     SceneDescription,
+    SunSky,
+    VolumeTexture,
 )
-from renderer.simple.bsdfs import Bsdf
+from renderer.scene_file.media_description import GridVolume
+from renderer.simple.bsdfs import Bsdf, BsdfSample, Lobe
 from renderer.simple.camera import Vector
-from renderer.simple.lights import EMITTERS, Light
+from renderer.simple.lights import EMITTERS, Light, pdf_light, power_heuristic
 from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Group, Hit, Surface
+from renderer.simple.sky import Sky
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
 # fraction before its light.
 EPSILON = 1e-9
 
-INTEGRATORS = ("path", "direct", "whitted")
+INTEGRATORS = ("path", "direct", "whitted", "volpath")
 # of a tree of rays: where the file gives no limit, and at most; the kernels' own
 USUAL_TREE, DEEPEST_TREE = 8, 256
 
@@ -66,13 +72,13 @@ class Scene:
             for kind in kinds
         ]
         order = light_order(description)
-        numbered: dict[int, Light] = dict(
-            zip(order.of_emitters, description.emitters, strict=True)
-        )
+        emitters = [Sky(e) if isinstance(e, SunSky) else e for e in description.emitters]
+        numbered: dict[int, Light] = dict(zip(order.of_emitters, emitters, strict=True))
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
         self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
-        skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
+        skies = [e for e in emitters if isinstance(e, ConstantLight | Sky)]
         self.environment = skies[0] if skies else None
+        self.medium = description.camera.medium
 
 
 def _check(description: SceneDescription, name: str) -> None:
@@ -117,9 +123,11 @@ def _check(description: SceneDescription, name: str) -> None:
             if bsdf.plugin not in BSDFS:
                 possible = ", ".join(BSDFS)
                 refuse(f"bsdf {bsdf.plugin!r}; possible are {possible}", shape.location)
-            if any(isinstance(t, MeshAttributeTexture) for t in _textures(bsdf)):
+            others = MeshAttributeTexture | VolumeTexture
+            if any(isinstance(t, others) for t in _textures(bsdf)):
                 possible = "bitmap and checkerboard"
-                refuse(f"texture mesh_attribute; possible are {possible}", shape.location)
+                what = "texture mesh_attribute or volume"
+                refuse(f"{what}; possible are {possible}", shape.location)
         for bsdf in bsdfs if name == "whitted" else ():
             if not _has_all_branches(bsdf):
                 refuse(
@@ -127,12 +135,33 @@ def _check(description: SceneDescription, name: str) -> None:
                     "path and direct, or whitted without it",
                     shape.location,
                 )
+    if name == "volpath":
+        _check_media(description, refuse)
     for emitter in description.emitters:
         if not isinstance(emitter, EMITTERS):
-            possible = "point, spot, directional, constant and area"
+            possible = "point, spot, directional, constant, sunsky and area"
             refuse(f"emitter {getattr(emitter, 'plugin', '')!r}; possible are {possible}")
         if getattr(emitter, "texture", None) is not None:
             refuse("textures on lights; possible is one colour")
+
+
+def _check_media(description: SceneDescription, refuse: Callable[..., None]) -> None:
+    """Refuse media that are not even, and what shadow rays go through but `null`."""
+    shapes = description.shapes
+    media = [
+        description.camera.medium,
+        *(m for s in shapes for m in (s.interior, s.exterior)),
+    ]
+    for medium in filter(None, media):
+        if medium.plugin != "homogeneous" or isinstance(medium.albedo, GridVolume):
+            refuse("media that vary; possible are homogeneous ones of one colour")
+        if medium.phase.plugin not in ("isotropic", "hg"):
+            refuse(f"phase {medium.phase.plugin!r}; possible are 'isotropic' and 'hg'")
+    for shape in shapes:
+        for bsdf in _with_nested(shape.bsdf):
+            through = bsdf.plugin in ("mask", "thindielectric", "blendbsdf")
+            if through or (bsdf.plugin == "null" and bsdf is not shape.bsdf):
+                refuse(f"shadow rays through {bsdf.plugin!r}; possible is 'null'")
 
 
 def _with_nested(bsdf: Any) -> Iterator[Any]:
@@ -174,3 +203,26 @@ def visible(scene: Scene, p: Vector, d: Vector, distance: float) -> bool:
     """Return V: whether nothing is met on the way of a shadow ray."""
     far = distance * (1.0 - EPSILON)
     return not any(group.blocks(p, d, EPSILON, far) for group in scene.groups)
+
+
+def emission(
+    scene: Scene,
+    p: Vector,
+    d: Vector,
+    hit: Hit | None,
+    came_by: BsdfSample | None,
+    share: float = 1.0,
+) -> Vector:
+    """Return L_e of what the ray p + t d has met, as far as it counts for this way to it.
+
+    A direction of a smooth lobe could have been a light sample as well, and is weighted.
+    `share` is the number of light samples for each sample of the BSDF.
+    """
+    light = scene.environment if hit is None else hit.light
+    if light is None:
+        return np.zeros(3)
+    weight = 1.0
+    if came_by is not None and came_by.lobe is Lobe.SMOOTH:
+        weight = power_heuristic(came_by.pdf, pdf_light(light, p, d, hit) * share)
+    radiance = light.radiance(d) if isinstance(light, Sky) else np.array(light.radiance)
+    return weight * radiance

@@ -11,6 +11,7 @@ from renderer.scene_file.description import (
     ConstantTexture,
     MeshAttributeTexture,
     Texture,
+    VolumeTexture,
 )
 from renderer.simple.camera import Vector
 
@@ -31,9 +32,10 @@ def eval_texture(texture: Texture, u: float, v: float) -> Vector:
             upper, lower = (1.0 - fx) * texels[:, 0] + fx * texels[:, 1]
             color: Vector = (1.0 - fy) * upper + fy * lower
             return color
-        case MeshAttributeTexture():
+        case MeshAttributeTexture() | VolumeTexture():
             raise SceneError(
-                f"{texture.location}: the simple path tracer has no texture mesh_attribute"
+                f"{texture.location}: the simple path tracer has no textures of mesh "
+                "attributes and volumes"
             )
 
 

@@ -18,6 +18,7 @@ from renderer.simple.camera import Vector, camera_ray
 from renderer.simple.path_tracer import whitted_radiance
 from renderer.simple.scene import Scene
 from renderer.simple.shapes import Surface
+from renderer.simple.sky import Sky
 
 CENTRE = (0.5, 0.5, 0.5, 0.5)  # in the place of four random numbers
 
@@ -44,7 +45,7 @@ def true_pixels(
     of_file = description.integrator.nested or description.integrator
     integrator = dataclasses.replace(of_file, name="whitted", aovs=(), nested=None)
     scene = Scene(dataclasses.replace(description, integrator=integrator))
-    if any(isinstance(light, Surface | ConstantLight) for light in scene.lights):
+    if any(isinstance(light, Surface | ConstantLight | Sky) for light in scene.lights):
         raise SceneError(f"{description.source}: light from all sides has noise")
     film = description.camera.film
     radiance = np.zeros((len(pixels), 3))

@@ -36,9 +36,9 @@ def waves(nx: int, ny: int, nz: int) -> np.ndarray:
 
 def grid_file(numbers: np.ndarray, **changes: object) -> bytes:
     """Return a file; `changes` are what its header says instead of the truth."""
-    nz, ny, nx = numbers.shape
+    nz, ny, nx, *channels = numbers.shape
     said = {"mark": b"VOL", "version": 3, "kind": 1, "nx": nx, "ny": ny, "nz": nz}
-    said |= {"channels": 1, **changes}
+    said |= {"channels": (*channels, 1)[0], **changes}
     header = struct.pack("<3sB5i6f", *said.values(), 0, 0, 0, 1, 1, 1)
     return header + numbers.astype("<f4").tobytes()
 
@@ -47,3 +47,5 @@ if __name__ == "__main__":
     HERE.mkdir(exist_ok=True)
     (HERE / "torus.vol").write_bytes(grid_file(torus(13, 9, 13)))
     (HERE / "waves.vol").write_bytes(grid_file(waves(12, 12, 12)))
+    colors = np.random.default_rng(4).uniform(0.05, 0.95, (2, 3, 4, 3))
+    (HERE / "colors.vol").write_bytes(grid_file(colors))

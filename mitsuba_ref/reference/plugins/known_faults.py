@@ -103,11 +103,12 @@ def has_biased_lamps(description: SceneDescription) -> bool:
     """Return whether Mitsuba samples lamps whose vertex normals leave their triangles' own.
 
     It goes from areas to solid angles by the cosine of the interpolated normal, so that
-    such lamps are too bright or too dark in `path` and `direct`.
+    such lamps are too bright or too dark in `path`, `volpath` and `direct`.
     """
     integrator = description.integrator.nested or description.integrator
     sampled = {
         "path": integrator.max_depth not in (0, 1),
+        "volpath": integrator.max_depth not in (0, 1),
         "direct": integrator.emitter_samples > 0,
     }
     return sampled.get(integrator.name, False) and any(

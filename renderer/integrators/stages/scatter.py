@@ -45,7 +45,7 @@ def largest(color):
 
 
 @kernel
-def _survive(settings, depth, throughput, eta, number, alive):
+def survive(settings, depth, throughput, eta, number, alive):
     """Play Russian roulette; return who survives and their raised throughput.
 
     The survival probability undoes the eta^2 that radiance loses on entering glass, as
@@ -94,7 +94,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         eta = load_row(points.eta, 0, i) * chosen.eta
         # of images reflectances may be negative: a path ends at 0 alone, as in Mitsuba
         alive = mine & (chosen.pdf > 0.0) & (fabs(largest(throughput)) > 0.0)
-        alive, throughput = _survive(
+        alive, throughput = survive(
             settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive
         )
 

@@ -244,6 +244,26 @@ class LightSamples(NamedTuple):
     pdf: NDArray[np.float32]
 
 
+class MediaWork(NamedTuple):
+    """What integrators of participating media need in addition; empty for the others."""
+
+    medium: NDArray[np.int32]  # (slots,) that each path is in
+    depth: NDArray[np.int32]  # (slots,) segments of each path before this one
+    # (slots,) shape of the surface point of each path, and (3, slots) its normal
+    shape: NDArray[np.int32]
+    normal: NDArray[np.float32]
+    collisions: SurfacePoints  # points in media; `bsdf` is the medium
+    # shadow rays on their way: `point` is the number of the shadow ray
+    rays: Rays
+    hits: Hits
+    points: SurfacePoints
+    order: NDArray[np.int32]
+    ends: NDArray[np.int64]
+    # by the number of the shadow ray: (n,) the medium it is in, and how far it has to go
+    inside: NDArray[np.int32]
+    rest: NDArray[np.float32]
+
+
 class Workspace(NamedTuple):
     """All arrays that one thread works in."""
 
@@ -261,6 +281,7 @@ class Workspace(NamedTuple):
     splats: NDArray[np.float64]  # a tile's sums, pixel by pixel, and a row of weights
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: not counted
+    media: MediaWork
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:
@@ -282,6 +303,75 @@ def _aligned(count: int) -> NDArray[np.float64]:
     return raw[first : first + count]
 
 
+def _rays(capacity: int, previous_points: bool, met: NDArray[np.int32]) -> Rays:
+    return Rays(
+        _rows(3, capacity),
+        _rows(3, capacity),
+        _rows(3, capacity),
+        _row(capacity),
+        _row(capacity),
+        _numbers(capacity),
+        _numbers(capacity),
+        _numbers(capacity),
+        _rows(3, capacity) if previous_points else np.zeros((3, 0), np.float32),
+        met,
+    )
+
+
+def _hits(capacity: int) -> Hits:
+    return Hits(
+        _row(capacity),
+        _numbers(capacity),
+        _row(capacity),
+        _row(capacity),
+        _numbers(capacity),
+    )
+
+
+def _points(
+    n: int, parameters: int, previous_points: bool, met: NDArray[np.int32]
+) -> SurfacePoints:
+    return SurfacePoints(
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _row(n),
+        _rows(2, n),
+        _rows(3, n),
+        _numbers(n),
+        _numbers(n),
+        _row(n),
+        _rows(3, n),
+        _row(n),
+        _row(n),
+        _numbers(n),
+        _numbers(n),
+        _rows(-(-parameters // 4) * 4, n),  # they are loaded by fours
+        _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
+        met,
+    )
+
+
+def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> MediaWork:
+    """Return the arrays for batches of `capacity` paths; 0 for none of them."""
+    met, n = _numbers(slots), 2 * capacity
+    return MediaWork(
+        _numbers(slots),
+        _numbers(slots),
+        _numbers(slots),
+        _rows(3, slots),
+        _points(capacity, 1, True, met),
+        _rays(capacity, True, met),
+        _hits(capacity),
+        _points(n, parameters, True, met),
+        _numbers(n),
+        np.zeros(kinds + 1, np.int64),
+        _numbers(capacity),
+        _row(capacity),
+    )
+
+
 def make_workspace(
     *,
     ray_capacity: int = CAPACITY,
@@ -294,6 +384,7 @@ def make_workspace(
     capacity: int = CAPACITY,
     splat_size: int = 0,
     slots: int = CAPACITY,
+    media: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -320,27 +411,12 @@ def make_workspace(
         room.
     slots : int
         Samples of a tile that are added to its sums together: of one batch or more.
+    media : bool
+        Whether paths go through participating media.
     """
     met = _numbers(slots)
-    rays = Rays(
-        _rows(3, ray_capacity),
-        _rows(3, ray_capacity),
-        _rows(3, ray_capacity),
-        _row(ray_capacity),
-        _row(ray_capacity),
-        _numbers(ray_capacity),
-        _numbers(ray_capacity),
-        _numbers(ray_capacity),
-        _rows(3, ray_capacity) if previous_points else np.zeros((3, 0), np.float32),
-        met,
-    )
-    hits = Hits(
-        _row(ray_capacity),
-        _numbers(ray_capacity),
-        _row(ray_capacity),
-        _row(ray_capacity),
-        _numbers(ray_capacity),
-    )
+    rays = _rays(ray_capacity, previous_points, met)
+    hits = _hits(ray_capacity)
     shadow_rays = ShadowRays(
         _rows(3, capacity),
         _rows(3, capacity),
@@ -351,26 +427,7 @@ def make_workspace(
     )
     # a two-sided shape with two kinds of BSDF puts its hits in two groups
     n = 2 * capacity
-    points = SurfacePoints(
-        _rows(3, n),
-        _rows(3, n),
-        _rows(3, n),
-        _rows(3, n),
-        _row(n),
-        _rows(2, n),
-        _rows(3, n),
-        _numbers(n),
-        _numbers(n),
-        _row(n),
-        _rows(3, n),
-        _row(n),
-        _row(n),
-        _numbers(n),
-        _numbers(n),
-        _rows(-(-parameters // 4) * 4, n),  # they are loaded by fours
-        _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
-        met,
-    )
+    points = _points(n, parameters, previous_points, met)
     light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))
     return Workspace(
         rays,
@@ -386,4 +443,5 @@ def make_workspace(
         _aligned((channels // 4 + 1) * 4 * splat_size**2 + splat_size),
         np.zeros(depths, np.int64),
         make_tally(ray_capacity) if counted else None,
+        _media_work(capacity if media else 0, slots if media else 0, kinds, parameters),
     )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import table_columns
+from renderer.kernels.records.media import Media
 
 # bits of `Primitives.stages`: what a hit on a primitive needs next
 ANY = 1  # set for every primitive
@@ -34,6 +35,7 @@ LOCATE = 1
 # kinds of BSDFs
 REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
 SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
+LET_THROUGH = 7
 # kinds of textures: the methods of each
 LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 # kinds of shapes, for bumps
@@ -147,3 +149,4 @@ class KernelScene(NamedTuple):
     sampler: Methods  # one row
     hooks: Methods  # AFTER_CAMERA_RAYS, ...
     settings: Settings
+    media: Media

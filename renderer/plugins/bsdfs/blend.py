@@ -22,6 +22,7 @@ from renderer.plugins.bsdfs.kind import (
     black,
     eval_pdf_nested,
     sample_nested,
+    straight_through,
 )
 from renderer.plugins.bsdfs.mask import in_unit_interval
 from renderer.plugins.bsdfs.parameters import Nested
@@ -87,4 +88,21 @@ def albedo(blend, wo):
     return first * (1.0 - w) + second * w
 
 
-BLEND = BsdfKind("blendbsdf", Blended, read, "two in one", sample, eval_pdf, albedo=albedo)
+@kernel
+def eval_straight(blend, wo):
+    """Return that of the mixture."""
+    w = in_unit_interval(blend.weight)
+    first, second = straight_through(blend.first, wo), straight_through(blend.second, wo)
+    return first * (1.0 - w) + second * w
+
+
+BLEND = BsdfKind(
+    "blendbsdf",
+    Blended,
+    read,
+    "two in one",
+    sample,
+    eval_pdf,
+    albedo=albedo,
+    eval_straight=eval_straight,
+)

@@ -102,6 +102,9 @@ class BsdfKind:
         Whether light goes through, so that the back of a surface shows the same BSDF.
     straight
         Whether light goes straight through.
+    eval_straight
+        (parameters, wo) -> RGB that shadow rays in media carry straight through; None:
+        black, as `eval_null_transmission` of the same plugin in Mitsuba.
     oriented
         Whether x and y of the local frame matter: x is along dp/du then.
     opaque
@@ -137,6 +140,7 @@ class BsdfKind:
     reaches_all: Callable[[Any], bool] | None = None
     inside: tuple[BsdfKind, ...] = ()
     users_kernels: tuple[tuple[str, Any], ...] = ()
+    eval_straight: Any = None
 
     @property
     def smooth(self) -> bool:
@@ -272,6 +276,11 @@ def albedo_of(parameters: Any, wo: Any) -> Any:
 
 
 @interface
+def straight_through(parameters: Any, wo: Any) -> Any:
+    """Return the part of light, RGB, that a shadow ray in a medium carries through."""
+
+
+@interface
 def normal_of(parameters: Any, wo: Any) -> Any:
     """Return the local normal that the AOV `sh_normal` shows, where it is not z."""
 
@@ -355,6 +364,11 @@ def _no_albedo(parameters, wo):
     return black()
 
 
+@kernel
+def _nothing_straight(parameters, wo):
+    return black()
+
+
 def register_kernels(kind: BsdfKind) -> None:
     """Let stages and other BSDFs find the kernels of a kind."""
     cls, wrapper = kind.parameters, bool(kind.nested_fields)
@@ -373,5 +387,6 @@ def register_kernels(kind: BsdfKind) -> None:
     else:
         albedo_of.by(cls)(_albedo)
         _albedo_from_anywhere.by(cls)(kind.albedo)
+    straight_through.by(cls)(kind.eval_straight or _nothing_straight)
     if kind.normal is not None:
         normal_of.by(cls)(kind.normal)

@@ -19,6 +19,7 @@ from renderer.plugins.bsdfs.kind import (
     albedo_of,
     eval_pdf_nested,
     sample_nested,
+    straight_through,
 )
 from renderer.plugins.bsdfs.parameters import Nested
 from renderer.scene_file.description import Mask as Description
@@ -78,6 +79,14 @@ def albedo(mask, wo):
     return albedo_of(mask.nested, wo)
 
 
+@kernel
+def eval_straight(mask, wo):
+    """Return the holes, and what goes straight through what is masked."""
+    opacity, one = in_unit_interval(mask.opacity), splat_f32(1.0)
+    holes = one - opacity
+    return straight_through(mask.nested, wo) * opacity + vec3(holes, holes, holes)
+
+
 MASK = BsdfKind(
     "mask",
     Masked,
@@ -89,4 +98,5 @@ MASK = BsdfKind(
     delta=True,
     transmits=True,
     straight=True,
+    eval_straight=eval_straight,
 )

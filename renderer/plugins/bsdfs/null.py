@@ -30,6 +30,13 @@ def sample(null, wo, numbers):
     return BsdfSample(-wo, vec3(one, one, one), one, one, splat_i32(STRAIGHT))
 
 
+@kernel
+def eval_straight(null, wo):
+    """Let everything through."""
+    one = splat_f32(1.0)
+    return vec3(one, one, one)
+
+
 NULL = BsdfKind(
     "null",
     Null,
@@ -39,4 +46,5 @@ NULL = BsdfKind(
     delta=True,
     transmits=True,
     straight=True,
+    eval_straight=eval_straight,
 )

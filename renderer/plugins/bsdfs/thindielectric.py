@@ -56,6 +56,12 @@ def sample(pane, wo, numbers):
     return BsdfSample(wi, weight, probability, splat_f32(1.0), lobe)
 
 
+@kernel
+def eval_straight(pane, wo):
+    """Return what the pane does not reflect, tinted."""
+    return pane.specular_transmittance * (1.0 - _reflectance(pane, wo))
+
+
 THIN_DIELECTRIC = BsdfKind(
     "thindielectric",
     ThinDielectric,
@@ -65,4 +71,5 @@ THIN_DIELECTRIC = BsdfKind(
     delta=True,
     transmits=True,
     straight=True,
+    eval_straight=eval_straight,
 )

@@ -5,12 +5,57 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, method_kernel
-from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.jit import interface, kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits, select, splat_f32
 from renderer.kernels.lanes.memory import load_row
-from renderer.kernels.lanes.vectors import load3
-from renderer.plugins.lights.kind import add_lanes, bsdf_sample_weight, light_probability
+from renderer.kernels.lanes.vectors import column, load3, select3, vec3
+from renderer.plugins.lights.kind import (
+    STRETCH,
+    LightSample,
+    add_lanes,
+    bsdf_sample_weight,
+    light_probability,
+)
+
+# -------------------------------------------------------------------------------- frame
+# What environments with a frame of their own share.
+
+
+def read_rotation(properties: Any) -> NDArray[np.float64]:
+    """Return `to_world`, (4, 4), which must be a rotation or a mirroring."""
+    to_world: NDArray[np.float64] = properties.transform("to_world")
+    axes = to_world[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:
+        # Mitsuba would use stretched vectors as if their length were 1.
+        properties.fail(
+            "to_world", "a transform that stretches directions", "a rotation or a mirroring"
+        )
+    return to_world
+
+
+@kernel
+def rotated(matrix, d):
+    """Return a (3, 3) matrix times directions."""
+    return column(matrix, 0) * d.x + column(matrix, 1) * d.y + column(matrix, 2) * d.z
+
+
+@kernel
+def distant_sample(sky, wi, radiance, pdf):
+    """Return samples in directions: the radiance over the density [1/sr].
+
+    Where the density is NaN or 0 the radiance is 0.
+    """
+    usable = pdf > 0.0
+    pdf = select(usable, pdf, splat_f32(0.0))
+    radiance = radiance * (1.0 / select(usable, pdf, splat_f32(1.0)))
+    black = splat_f32(0.0)
+    radiance = select3(usable, radiance, vec3(black, black, black))
+    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
+
+
+# -------------------------------------------------------------------------------- light
 
 
 @interface

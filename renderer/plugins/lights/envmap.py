@@ -16,7 +16,6 @@ from renderer.kernels.lanes.functions import (
     floor,
     maximum,
     minimum,
-    select,
     splat_f32,
     splat_i32,
     sqrt,
@@ -24,9 +23,14 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
-from renderer.kernels.lanes.vectors import column, gather_vectors, select3, vec3
-from renderer.plugins.lights.environment import environment_light
-from renderer.plugins.lights.kind import STRETCH, LightPlugin, LightSample, sample_light
+from renderer.kernels.lanes.vectors import gather_vectors, vec3
+from renderer.plugins.lights.environment import (
+    distant_sample,
+    environment_light,
+    read_rotation,
+    rotated,
+)
+from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
 from renderer.plugins.sampling.hierarchical_warp import (
     Warp,
@@ -77,13 +81,7 @@ def read(properties: Any) -> EnvironmentMap:
     scale = properties.number("scale", 1.0, at_least=0.0)
     if scale * float(np.abs(pixels).max()) > Use.EMISSION.limits[1]:
         properties.fail("scale", f"{scale:g}", "one that leaves all pixels at most 1e30")
-    to_world = properties.transform("to_world")
-    axes = to_world[:3, :3]
-    if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:
-        # Mitsuba would look up stretched vectors as if their length were 1.
-        properties.fail(
-            "to_world", "a transform that stretches directions", "a rotation or a mirroring"
-        )
+    to_world = read_rotation(properties)
     compensated = properties.boolean("mis_compensation", False)
     environment = EnvironmentMap(_padded(pixels), scale, to_world, compensated)
     if make_warp(_importance(environment)) is None:
@@ -173,12 +171,6 @@ def half_texel(sky):
 
 
 @kernel
-def rotated(matrix, d):
-    """Return a (3, 3) matrix times directions."""
-    return column(matrix, 0) * d.x + column(matrix, 1) * d.y + column(matrix, 2) * d.z
-
-
-@kernel
 def image_point(sky, direction):
     """Return (u, v) of directions, and the sine of their angle from the pole."""
     local = rotated(sky.to_local, direction)
@@ -231,20 +223,6 @@ def image_density(sky, u, v, mask):
     """Return the density in (u, v) at points of the image."""
     shifted = u - half_texel(sky)
     return warp_density(sky.warp, shifted - floor(shifted), v, mask)
-
-
-@kernel
-def distant_sample(sky, wi, radiance, pdf):
-    """Return samples in directions: the radiance over the density [1/sr].
-
-    Where the density is NaN or 0 the radiance is 0.
-    """
-    usable = pdf > 0.0
-    pdf = select(usable, pdf, splat_f32(0.0))
-    radiance = radiance * (1.0 / select(usable, pdf, splat_f32(1.0)))
-    black = splat_f32(0.0)
-    radiance = select3(usable, radiance, vec3(black, black, black))
-    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
 
 
 @sample_light.by(EnvironmentMaps)

@@ -10,10 +10,11 @@ from renderer.plugins.lights.kind import LightPlugin
 from renderer.plugins.lights.point import POINT
 from renderer.plugins.lights.projector import PROJECTOR
 from renderer.plugins.lights.spot import SPOT
+from renderer.plugins.lights.sunsky import SUNSKY
 
 LIGHTS: dict[str, LightPlugin] = {
     kind.name: kind
-    for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT, ENVMAP, PROJECTOR, AREA)
+    for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT, ENVMAP, SUNSKY, PROJECTOR, AREA)
 }
 
 

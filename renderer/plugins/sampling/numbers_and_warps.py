@@ -28,6 +28,7 @@ from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import (
     cross,
     dot,
+    length,
     load3,
     normalize,
     orthonormal_basis,
@@ -66,6 +67,13 @@ class Plain(NamedTuple):
 
 class AlongU(NamedTuple):
     """The same, with the x axis of the local frame along dp/du."""
+
+
+class FromLastEvent(NamedTuple):
+    """The same, for lights that a path has found behind surfaces it went straight through.
+
+    Their density is that as seen from where the path was scattered last.
+    """
 
 
 def along_u(arithmetic: Any) -> Any:
@@ -147,7 +155,7 @@ def _tangents_along_u(arithmetic, points, i, normal):
     return across, select3(nowhere, t, cross(normal, across))
 
 
-@density_normal.by(Plain)
+@density_normal.by(Plain, FromLastEvent)
 @kernel
 def _density_normal(arithmetic, flat, smooth):
     """Return the one that the area belongs to."""
@@ -161,6 +169,14 @@ def _seen_from(arithmetic, points, i):
     wo, t = load3(points.wo, i), load_row(points.t, 0, i)
     here = load3(points.position, i)
     return here + wo * t, t, fabs(dot(wo, load3(points.normal, i)))
+
+
+@seen_from.by(FromLastEvent)
+@kernel
+def _seen_from_event(arithmetic, points, i):
+    previous = load3(points.previous, i)
+    distance = length(previous - load3(points.position, i))
+    return previous, distance, fabs(dot(load3(points.wo, i), load3(points.normal, i)))
 
 
 # -------------------------------------------------------------------- numbers and warps

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from renderer.plugins.shapes.bsplinecurve import BSPLINE_PIECES
 from renderer.plugins.shapes.cylinder import CYLINDERS
 from renderer.plugins.shapes.disk import DISKS
 from renderer.plugins.shapes.implicit import IMPLICITS
 from renderer.plugins.shapes.kind import ShapeKind, ShapePlugin
+from renderer.plugins.shapes.linearcurve import LINEAR_SEGMENTS
 from renderer.plugins.shapes.rectangle import RECTANGLES
 from renderer.plugins.shapes.sdfgrid import SDF_CELLS
 from renderer.plugins.shapes.sphere import SPHERES
@@ -34,6 +36,8 @@ for _kind in (
     CYLINDERS,
     IMPLICITS,
     SDF_CELLS,
+    LINEAR_SEGMENTS,
+    BSPLINE_PIECES,
 ):
     register_shape(_kind)
 

@@ -26,7 +26,12 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.plugins.sampling.numbers_and_warps import TWO_PI, Plain, square_to_sphere
+from renderer.plugins.sampling.numbers_and_warps import (
+    TWO_PI,
+    FromLastEvent,
+    Plain,
+    square_to_sphere,
+)
 from renderer.plugins.shapes.flat import ZERO
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.primitives import Intersection, float32
@@ -184,20 +189,20 @@ def part_of_cone(
     """Return 1 - cos of the angle that has the share x of a cone's solid angle inside."""
 
 
-@near_surface.by(Plain)
+@near_surface.by(Plain, FromLastEvent)
 @kernel
 def _near_surface(arithmetic):
     return np.float32(5e-6)
 
 
-@cone_of_density.by(Plain)
+@cone_of_density.by(Plain, FromLastEvent)
 @kernel
 def exact_cone_of_density(arithmetic, one_minus_cos, to_center, radius):
     """Return it as it is."""
     return one_minus_cos
 
 
-@part_of_cone.by(Plain)
+@part_of_cone.by(Plain, FromLastEvent)
 @kernel
 def even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
     """Return it as it is: the solid angle of a cone is even in 1 - cos."""

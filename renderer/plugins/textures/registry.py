@@ -9,10 +9,11 @@ from renderer.plugins.textures.checkerboard import CHECKERBOARD
 from renderer.plugins.textures.kind import TextureKind, texture_color, texture_scalar
 from renderer.plugins.textures.mesh_attribute import MESH_ATTRIBUTE
 from renderer.plugins.textures.uniform import UNIFORM
+from renderer.plugins.textures.volume import VOLUME
 
 TEXTURES: dict[str, TextureKind] = {}
 
-for _kind in (BITMAP, CHECKERBOARD, MESH_ATTRIBUTE, UNIFORM):
+for _kind in (BITMAP, CHECKERBOARD, MESH_ATTRIBUTE, VOLUME, UNIFORM):
     texture_color.by(_kind.table_class)(_kind.color)
     texture_scalar.by(_kind.table_class)(_kind.scalar)
     TEXTURES[_kind.name] = _kind

@@ -159,6 +159,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
     why.say("file asks", describe_integrator(requested))
+    media = scene.description.has_media and INTEGRATORS[requested.name].media
     case = Case(
         requested,
         reduce,
@@ -166,14 +167,26 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         lights,
         extended,
         materials.delta,
-        materials.smooth,
+        materials.smooth or media,
         materials.chooses,
         transparent,
+        media,
+        materials.straight,
     )
     decision = INTEGRATORS[requested.name].decide(case, why.say)
+    if INTEGRATORS[decision.method].media:  # it finds light in both ways
+        both = dataclasses.replace(requested, strategy="both", caustics=True)
+        case = case._replace(requested=both)
     sampled_whole = not has_lights_beside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
+    if INTEGRATORS[decision.method].media:  # how lights are chosen there
+        if options.light_choice == "importance":
+            raise SceneError(
+                f"{scene.description.source}: light choice 'importance': volpath chooses "
+                "all lights equally often; possible is 'uniform'"
+            )
+        choice = "uniform"
     if replay:
         check_replay(requested, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
@@ -194,7 +207,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         **vars(decision),
         weigh=weighed
         and decision.follow
-        and materials.smooth
+        and case.smooth
         and depth > 1
         and strategy != "bsdfs",
         hide_emitters=requested.hide_emitters
@@ -222,6 +235,8 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
             why.say("left out", "scattering: nothing is reflected towards another surface")
         explain_geometry(scene, why)
         explain_materials_and_lights(scene, why)
+        if scene.description.has_media and not plan.kind.media:
+            why.say("left out", f"participating media: {plan.method} ignores them")
     else:
         why.say(
             "left out", "lights, shadow rays, bounces: the first hit alone is asked for"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from renderer.integrators.stages.branch_specular import split
 from renderer.integrators.stages.direct_light import reflect_light
 from renderer.integrators.stages.first_hit import show_albedo, show_normal
+from renderer.integrators.stages.media_shadows import let_through
 from renderer.integrators.stages.scatter import scatter_kind
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
@@ -70,7 +71,7 @@ def bsdf_tables(
     texture_tables = list(dict.fromkeys(looked_up.values()))
     rows = [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds]
     try:
-        methods = tables.table(rows, 6)
+        methods = tables.table(rows, 7)
     except NumbaError as error:  # what no check of a user's kernel has foreseen
         blame_users(error, kinds)
         raise
@@ -140,6 +141,7 @@ def _row(
     reflect = (reflect_light, (*lights, work.shadow_rays, INT), INT)
     along = (given, INT, work.points, ROWS, INT, INT, work.rays, INT)
     shown = (work.points, INT, ROWS)
+    lets_through = plan.kind.media and kind.straight
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
     scatters = goes_on and plan.kind.scatters
@@ -164,4 +166,5 @@ def _row(
         (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
         (show_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
         (show_normal, shown, NOTHING) if turns else None,
+        (let_through, group, NOTHING) if lets_through else None,
     ]

@@ -38,7 +38,7 @@ def group_methods(
     for accelerator in _built(accelerators):
         t = TRAVERSALS[type(accelerator)]
         methods: list[MethodSpec | None] = [(t.closest_hit_coherent, closest, NOTHING)]
-        deep = plan.max_depth > 1
+        deep = plan.max_depth > 1 or plan.kind.media
         methods.append((t.closest_hit, closest, NOTHING) if deep else None)
         rows.append((tables.pack(accelerator), methods))
     return tables.table(rows, 2)

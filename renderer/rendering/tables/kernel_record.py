@@ -17,6 +17,7 @@ from renderer.accelerators.choice import USUAL_RAYS, choose_structures
 from renderer.integrators.kind import NO_LIMIT
 from renderer.integrators.stages.camera_rays import fill_rays
 from renderer.integrators.stages.emission import CausticMarks, mark_caustics
+from renderer.integrators.stages.media import KeptPoints, keep_previous
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
@@ -26,7 +27,7 @@ from renderer.kernels.records.kernel_scene import (
     Primitives,
     Settings,
 )
-from renderer.plugins.sampling.numbers_and_warps import Sampling
+from renderer.plugins.sampling.numbers_and_warps import FromLastEvent, Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
@@ -63,6 +64,7 @@ from renderer.scene.light_properties import (
     sampled_lights,
 )
 from renderer.scene.light_tables import light_tables
+from renderer.scene.media_tables import media_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
 
@@ -144,7 +146,8 @@ class _SceneTables:
         self.surfaces = surfaces = _surfaces(scene, settings, variant)
         placements = scene.placements or _NO_PLACEMENTS
         primitives = Primitives(scene.stages, scene.shape, scene.face)
-        lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
+        scattering = scene.materials.smooth or plan.kind.media
+        lit = plan.asks_lights and scattering and has_lights(scene)
 
         accelerators = build_accelerators(scene, accel, plan.rays)
         groups = camera_groups = group_methods(tables, accelerators, plan)
@@ -153,7 +156,7 @@ class _SceneTables:
             camera_groups = group_methods(tables, seen, plan)
         sampled = sampled_lights(scene.description, plan.finds_sky)
         shadow_groups = tables.table([], 2)
-        if lit:
+        if lit and not plan.kind.media:
             in_the_way = accelerators
             if not plan.replay:  # where rounding decides, ours must decide as Mitsuba's
                 offsets = RAY_OFFSETS[plan.ray_offset]
@@ -179,7 +182,7 @@ class _SceneTables:
                 variant.lights(scene, by_kind),
                 settings,
                 scene.shapes,
-                variant.arithmetic,
+                FromLastEvent() if plan.kind.media else variant.arithmetic,
                 lit,
                 choice,
                 plan.caustics,
@@ -189,6 +192,8 @@ class _SceneTables:
         hooks = variant.hooks(scene, surfaces)
         if not plan.caustics:  # a plan for a replay has them
             hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks())
+        if plan.kind.media:
+            hooks.append((keep_previous, KeptPoints()))
         self.record = KernelScene(
             groups,
             camera_groups,
@@ -212,6 +217,7 @@ class _SceneTables:
             _NO_METHODS,
             _hooks(tables, hooks, settings, placements),
             settings,
+            media_tables(scene.description if plan.kind.media else None),
         )
 
 

@@ -128,7 +128,9 @@ def _value(
         image = _image(name, value, location)
         if image is not None:
             return image
-    if name == "grid" and hasattr(value, "__array__"):
+    if name in ("grid", "data") and (
+        hasattr(value, "__array__") or hasattr(value, "__array_interface__")
+    ):
         tensor = np.asarray(value)
         if tensor.dtype.kind in "fiu":
             return Tensor(tensor)

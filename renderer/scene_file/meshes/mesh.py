@@ -5,13 +5,15 @@ All mesh plugins (obj, ply, serialized, cube) end here, so each rule is written 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
 from renderer.scene_file import transforms
-from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Radiance
+from renderer.scene_file.description import NOWHERE, Location, Mesh
 from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, show_numbers
 
 # A triangle whose height is less than this part of its longest edge is a line: far below
@@ -25,12 +27,10 @@ def build_mesh(
     data: MeshData,
     *,
     to_world: NDArray[np.float64],
-    bsdf: Bsdf,
     face_normals: bool = False,
     flip_normals: bool = False,
-    radiance: Radiance | None = None,
-    id: str = "",
     location: Location = NOWHERE,
+    **common: Any,
 ) -> tuple[Mesh, tuple[str, ...]]:
     """Place `data` in the world.
 
@@ -48,8 +48,8 @@ def build_mesh(
         False there.
     flip_normals
         Turn the geometric and the vertex normals around.
-    bsdf, radiance, id, location
-        Go into the record as they are.
+    location, **common
+        What all shapes have (`Shape`); goes into the record as it is.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def build_mesh(
         warnings.append(
             f"{data.source}: dropped {dropped} degenerate of {len(keep)} triangles"
         )
-    if len(faces) == 0 and radiance is not None:
+    if len(faces) == 0 and common.get("radiance") is not None:
         raise SceneError(
             f"{location}: all {dropped} triangles of {data.source} are degenerate "
             "(no area); at least one must be left to emit light"
@@ -111,9 +111,7 @@ def build_mesh(
             for name, of in data.attributes.items()
         }
     mesh = Mesh(
-        bsdf=bsdf,
-        radiance=radiance,
-        id=id,
+        **common,
         location=location,
         vertices=vertices,
         faces=np.ascontiguousarray(faces, dtype=np.int32),

@@ -145,23 +145,26 @@ class MeshData:
     attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
-def read_mesh_bytes(path: Path) -> bytes:
-    """Read a whole mesh file but for a byte order mark, or say why that cannot be."""
+def read_mesh_bytes(path: Path, what: str = "mesh") -> bytes:
+    """Read a whole file of a mesh but for a byte order mark, or say why that cannot be.
+
+    `what` it is of, for messages.
+    """
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise SceneError(f"{path}: no such mesh file") from None
+        raise SceneError(f"{path}: no such {what} file") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot read it: {error.strerror}") from None
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise SceneError(f"{path}: the mesh file is UTF-16 text; expected ASCII or UTF-8")
+        raise SceneError(f"{path}: the {what} file is UTF-16 text; expected ASCII or UTF-8")
     content = content.removeprefix(codecs.BOM_UTF8)
     if not content:
-        raise SceneError(f"{path}: the mesh file is empty")
+        raise SceneError(f"{path}: the {what} file is empty")
     return content
 
 
-def require_for_words(content: bytes, each: int, path: Path) -> None:
+def require_for_words(content: bytes, each: int, path: Path, what: str = "mesh") -> None:
     """Refuse a text of more words than there is memory, `each` bytes for one at the peak.
 
     Raises
@@ -170,7 +173,47 @@ def require_for_words(content: bytes, each: int, path: Path) -> None:
         With both numbers.
     """
     gaps = len(content) - len(content.translate(None, _BLANKS))
-    memory.require(each * gaps + 3 * len(content), f"{path}: the mesh")
+    memory.require(each * gaps + 3 * len(content), f"{path}: the {what}")
+
+
+def parse_numbers(
+    texts: Sequence[str], lines: Sequence[int], width: int, what: str, path: Path
+) -> NDArray[np.float64]:
+    """Return the numbers of a text file, (N, width).
+
+    Parameters
+    ----------
+    texts
+        Words of N lines, `width` of each in a row.
+    lines
+        Of the file, (N,).
+    what
+        A line of the file is, for messages: "a vertex".
+
+    Raises
+    ------
+    SceneError
+        With file and line of the first word that is no number.
+    """
+    try:
+        if "_" in "".join(texts):  # Python's 1_0 is 10
+            raise ValueError
+        values = np.fromiter(map(float, texts), np.float64, len(texts))
+    except ValueError:
+        index = next(i for i, text in enumerate(texts) if not _is_number(text))
+        raise SceneError(
+            f"{path}:{lines[index // width]}: {what} needs numbers, "
+            f"found `{texts[index][:40]}`"
+        ) from None
+    return values.reshape(len(lines), width)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
 
 
 def first_not_finite(rows: NDArray[np.float64]) -> int:

@@ -21,6 +21,7 @@ from renderer.scene_file.meshes.mesh_data import (
     MeshData,
     flipped,
     judged_mesh,
+    parse_numbers,
     read_mesh_bytes,
     require_for_words,
 )
@@ -165,7 +166,9 @@ def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
         tables.vn.width = 0  # of whose lines no number is read
     _split_lines(text, tables, path)
     each = (tables.v, tables.vt, tables.vn)
-    vertices, uvs, normals = (_numbers(table, path) for table in each)
+    vertices, uvs, normals = (
+        parse_numbers(t.texts, t.lines, t.width, f"a {t.what}", path) for t in each
+    )
     if not tables.corners:
         raise SceneError(f"{path}: no `f` line; an OBJ mesh needs at least one face")
     keys, corner_vertex = _distinct_corners(tables, path)
@@ -246,29 +249,6 @@ def _absolute(corner: str, tables: _Tables) -> str:
     if too_far:
         tables.unresolved[text] = corner
     return text
-
-
-def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
-    """Turn the texts of one table into an array (N, width)."""
-    try:
-        if "_" in "".join(table.texts):  # Python's 1_0 is 10
-            raise ValueError
-        values = np.fromiter(map(float, table.texts), np.float64, len(table.texts))
-    except ValueError:
-        index = next(i for i, text in enumerate(table.texts) if not _is_number(text))
-        raise SceneError(
-            f"{path}:{table.lines[index // table.width]}: a {table.what} needs numbers, "
-            f"found `{table.texts[index][:40]}`"
-        ) from None
-    return values.reshape(len(table), table.width)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
 
 
 def _distinct_corners(

@@ -25,6 +25,7 @@ from renderer.scene_file.description import (
 from renderer.scene_file.files import Reading
 from renderer.scene_file.images.image import Image, checked
 from renderer.scene_file.images.images import READ_FROM, read_texels
+from renderer.scene_file.objects.media import read_medium
 from renderer.scene_file.plugins import registered_kinds, varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element
@@ -285,6 +286,7 @@ def _read_emitter(element: Element, reading: Reading) -> Any:
         properties.fail(
             "sampling_weight", f"{weight:g}", "1: lights are chosen with equal probability"
         )
+    properties.children("medium")  # unused by lights, as in Mitsuba
     properties.finish()
     check_place(described, properties)
     return described
@@ -318,9 +320,13 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     else:
         bsdf = Diffuse()
     properties.number("silhouette_sampling_weight", 1.0)  # for derivatives only
+    media = dict(properties.children("medium"))  # under any other name: ignored
+    inside, outside = media.get("interior"), media.get("exterior")
     common = {
         "bsdf": bsdf,
         "radiance": radiance,
+        "interior": None if inside is None else read_medium(inside, reading),
+        "exterior": None if outside is None else read_medium(outside, reading),
         "id": element.id,
         "location": element.location,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from renderer.errors import SceneError
@@ -16,13 +17,14 @@ from renderer.scene_file.description import (
 )
 from renderer.scene_file.files import Reading
 from renderer.scene_file.objects.films import read_film, read_rfilter, read_sampler
+from renderer.scene_file.objects.media import read_medium, read_phase, read_volume
 from renderer.scene_file.objects.objects import (
     read_bsdf,
     read_emitter,
     read_shape,
     read_texture_plugin,
 )
-from renderer.scene_file.objects.sensors import read_scene_integrator, read_sensor
+from renderer.scene_file.objects.sensors import read_integrator, read_sensor
 from renderer.scene_file.plugins import (
     UNSUPPORTED_TAGS,
     registered_kinds,
@@ -193,7 +195,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         reading.warn(
             root.location, f"{len(sensors)} sensors; the first one takes the picture"
         )
-    method = read_scene_integrator(integrator, root, reading)
+    method = read_integrator(integrator, reading)
     if (method.nested or method).hide_emitters:
         _check_hidden(properties)
     description = SceneDescription(
@@ -204,11 +206,23 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         instances=instances,
         emitters=tuple(emitter for emitter, _ in emitters),
         emitter_places=tuple(place for _, place in emitters),
-        warnings=tuple(dict.fromkeys(reading.warnings)),
+        warnings=_said(reading),
         source=source,
         files=tuple(reading.files),
     )
+    kind = registered_kinds("integrator").get((method.nested or method).name)
+    if description.has_media and not (getattr(kind, "media", False)):
+        reading.warn(
+            (integrator or root).location,
+            f"{integrator or 'path'} ignores the scene's media, as in Mitsuba; volpath "
+            "does not",
+        )
+        description = replace(description, warnings=_said(reading))
     return description
+
+
+def _said(reading: Reading) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(reading.warnings))
 
 
 def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]]:
@@ -275,6 +289,9 @@ def _read_unused(properties: Properties) -> None:
         "film": read_film,
         "rfilter": read_rfilter,
         "sampler": read_sampler,
+        "medium": read_medium,
+        "phase": read_phase,
+        "volume": read_volume,
     }
     for tag, read in readers.items():
         for _, element in properties.children(tag):

@@ -28,6 +28,7 @@ QUICK = (
     "grey-furnace",
     "kaleidoscope",
     "many-lights",
+    "mist",
     "white-furnace",
     "whitted-spheres",
 )

@@ -34,6 +34,7 @@ OF_MATERIALS = {
     "evening-sky",
     "leaves",
     "measured-ball",
+    "mist",
     "principled-gallery",
     "rough-materials",
 }

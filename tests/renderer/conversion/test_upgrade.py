@@ -152,19 +152,71 @@ def test_each_change_is_listed_with_its_line(tmp_path, capsys):
 
 
 def test_what_has_no_heir_is_left_and_said(tmp_path, capsys):
-    body = """<emitter type="sunsky"><float name="skyScale" value="2"/></emitter>
+    body = """<emitter type="collimated"><float name="power" value="2"/></emitter>
 <shape type="sphere"><bsdf type="ward"/></shape>
 <shape type="hair"/>
 <include filename="more.xml"/>"""
     old = write(tmp_path / "old.xml", scene(body))
     assert main([str(old), "-o", "new.xml"]) == 1
     said = capsys.readouterr().out
-    assert f'{old}:3: left emitter "sunsky" (an envmap of it takes its place)' in said
+    assert f'{old}:3: left emitter "collimated" (lightproof has none)' in said
     assert f'{old}:4: left bsdf "ward" (roughconductor' in said
     assert f'{old}:5: left shape "hair"' in said
     assert f"{old}:6: left include more.xml (lightproof upgrade more.xml)" in said
     assert "lightproof does not read it yet: new.xml:6: the included file" in said
-    assert 'name="sky_scale"' in (tmp_path / "new.xml").read_text()
+
+
+SKY = """<emitter type="{}">
+	<float name="turbidity" value="4"/>{}
+</emitter>"""
+
+
+@pytest.mark.parametrize(
+    ("plugin", "scaled", "dark"),
+    [("sky", "sky_scale", "sun_scale"), ("sun", "sun_scale", "sky_scale")],
+)
+def test_a_sky_or_a_sun_is_half_a_sunsky_whose_y_is_up(tmp_path, plugin, scaled, dark):
+    given = """
+	<float name="scale" value="3"/><float name="stretch" value="1.2"/>
+	<vector name="sunDirection" x="0.1" y="0.5" z="-0.2"/>
+	<float name="sunRadiusScale" value="2"/>"""
+    content, changes = upgraded(
+        write(tmp_path / "old.xml", scene(SKY.format(plugin, given)))
+    )
+    (tmp_path / "new.xml").write_bytes(content)
+    description = read_file(tmp_path / "new.xml")
+    (light,) = description.emitters
+    assert description.warnings == ()  # its sun stands above the horizon
+    assert light.turbidity == 4.0
+    assert (getattr(light, scaled), getattr(light, dark)) == (3.0, 0.0)
+    np.testing.assert_allclose(light.to_world[:3, 2], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(light.to_world[:3, 0], [1, 0, 0], atol=1e-12)
+    dropped = [change.before for change in changes if change.kind == DROPPED]
+    assert len(dropped) == 2 and "stretch" in dropped[0] and "sunRadius" in dropped[1]
+
+
+@pytest.mark.parametrize("empty", [False, True])
+def test_a_sky_by_date_keeps_its_compass(tmp_path, empty):
+    """At noon the sun stands in the south, which was +z; in the morning in the east, +x."""
+    turn = """
+	<transform name="toWorld"><rotate y="1" angle="90"/></transform>"""
+    hour = '<float name="hour" value="{}"/>'
+
+    def sun(hours):
+        body = SKY.format("sunsky", hour.format(hours) + ("" if empty else turn))
+        content, _ = upgraded(write(tmp_path / "old.xml", scene(body)))
+        (tmp_path / "new.xml").write_bytes(content)
+        (light,) = read_file(tmp_path / "new.xml").emitters
+        return light.sun_direction
+
+    south, east = ((2, 1), (0, 1)) if empty else ((0, 1), (2, -1))
+    axis, sign = south
+    assert sun(12)[axis] * sign > 0.2 and sun(12)[1] > 0.95
+    axis, sign = east
+    assert sun(7)[axis] * sign > 0.7
+    none = upgraded(write(tmp_path / "old.xml", scene('<emitter type="sky"/>')))[0]
+    (tmp_path / "new.xml").write_bytes(none)
+    assert read_file(tmp_path / "new.xml").emitters[0].sun_scale == 0.0
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from scene_file_samples import SENSOR, error_of, ours, scene_text
+from scene_file_samples import SENSOR, error_of, scene_text
 
 import renderer
 from mitsuba_ref.reference.edited_scene import PATH_INSTEAD, load_edited_scene
 from renderer.command.cli import main
 from renderer.errors import SceneError
-from renderer.scene_file.description import NOWHERE
-from renderer.scene_file.files import Reading
-from renderer.scene_file.objects.sensors import read_scene_integrator
-from renderer.scene_file.tree import Element
+from renderer.rendering.planning.make_plan import make_plan
 
 SMALL = SENSOR.replace(
     "</sensor>",
@@ -73,30 +70,37 @@ def test_the_command_line_does_so(tmp_path, capsys):
 
 @pytest.mark.parametrize("plugin", ["volpath", "volpathmis"])
 def test_paths_through_volumes_are_paths_where_there_are_none(plugin):
-    described = ours(
+    text = text_with(
         f'<integrator type="{plugin}"><integer name="max_depth" value="3"/>'
         '<integer name="rr_depth" value="7"/></integrator>'
     )
-    mine = described.integrator
-    assert (mine.name, mine.max_depth, mine.rr_depth) == ("path", 3, 7)
-    assert mine.stands_for == plugin
-    assert described.warnings == (
-        f"<string>:2: {plugin} is rendered by path: without media both have the same "
-        "expected picture",
-    )
+    scene = renderer.load_string(text)
+    mine = scene.description.integrator
+    assert (mine.name, mine.max_depth, mine.rr_depth) == ("volpath", 3, 7)
+    plan = make_plan(scene)
+    assert plan.method == "path"
+    assert "path: without media" in "\n".join(plan.lines)
     assert error_of(f'<integrator type="{plugin}"><float name="x" value="1"/></integrator>')
 
 
-@pytest.mark.parametrize("plugin", ["null", "mask", "thindielectric"])
-def test_they_are_not_where_their_shadow_rays_see_through_something(plugin):
-    scene = Element("scene", "scene", NOWHERE)
-    shape = Element("shape", "sphere", NOWHERE)
-    shape.add("", Element("bsdf", plugin, NOWHERE), NOWHERE)
-    scene.add("", shape, NOWHERE)
-    asked = read_scene_integrator(
-        Element("integrator", "volpath", NOWHERE), scene, Reading([])
+@pytest.mark.parametrize("bsdf", ["null", "mask", "thindielectric"])
+def test_they_are_not_where_their_shadow_rays_see_through_something(bsdf):
+    nested = '<bsdf type="diffuse"/>' if bsdf == "mask" else ""
+    text = text_with('<integrator type="volpath"/>').replace(
+        "</scene>",
+        f'<shape type="sphere"><bsdf type="{bsdf}">{nested}</bsdf></shape></scene>',
     )
-    assert f'not supported where volpath meets bsdf "{plugin}"' in asked.refusal
+    assert make_plan(renderer.load_string(text)).method == "volpath"
+
+
+def test_an_integrator_that_ignores_media_says_so():
+    text = text_with('<integrator type="path"/>').replace(
+        "</scene>",
+        '<shape type="sphere"><bsdf type="null"/>'
+        '<medium type="homogeneous" name="interior"/></shape></scene>',
+    )
+    (warning,) = renderer.load_string(text).description.warnings
+    assert "ignores the scene's media, as in Mitsuba; volpath does not" in warning
 
 
 def test_a_file_without_an_integrator_is_compared_by_path(tmp_path):

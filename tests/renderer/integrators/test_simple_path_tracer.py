@@ -113,6 +113,7 @@ CASES = [
             "bumpmap",
             "merl",
             "no_sky",
+            "sunsky",
         )
     ),
     # new rays start 64 roundings of a primitive's size off it: of a floor 140 wide that

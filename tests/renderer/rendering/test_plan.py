@@ -192,7 +192,7 @@ def test_no_kind_is_both_there_and_left_out():
     assert "geometry 12 triangles, 1 rectangle, 1 disk, 1 sphere, 1 cylinder" in everything
     assert "lights 1 point, 1 spot, 1 directional, 1 constant, 1 area" in everything
     assert re.search(r"left out (\w+, )*instances: the scene has none", everything)
-    assert "left out envmap, projector: the scene has no such light" in everything
+    assert "left out envmap, sunsky, projector: the scene has no such light" in everything
     nothing = explained(plan_of("path", max_depth=8))
     assert "geometry nothing" in nothing
     assert "left out triangles, rectangles, disks, spheres, cylinders, " in nothing

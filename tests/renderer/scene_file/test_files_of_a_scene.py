@@ -29,6 +29,7 @@ WAYS = {
     "mesh.serialized": '<shape type="serialized"><string name="filename" value="{}"/>'
     "</shape>",
     "grid.vol": '<shape type="sdfgrid"><string name="filename" value="{}"/></shape>',
+    "curve.txt": '<shape type="linearcurve"><string name="filename" value="{}"/></shape>',
     "picture.png": '<bsdf type="diffuse"><texture name="reflectance" type="bitmap">'
     '<string name="filename" value="{}"/></texture></bsdf>',
     "sky.exr": '<emitter type="envmap"><string name="filename" value="{}"/></emitter>',

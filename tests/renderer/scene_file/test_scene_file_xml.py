@@ -403,8 +403,8 @@ def test_documents_that_are_no_scene(document: str, message: str) -> None:
         (tag("point", x="1 2"), "2 numbers; expected 1 or 3"),
         ('<point name="x" value="1" y="1"/>', 'has "value" and "y"'),
         (
-            '<shape type="sphere"><medium type="homogeneous" name="interior"/></shape>',
-            'shape "sphere" refers to medium "homogeneous"; this renderer has no medium',
+            '<shape type="sphere"><field type="grid" name="interior"/></shape>',
+            'shape "sphere" refers to field "grid"; this renderer has no field',
         ),
         (props(gamma=1.0), 'scene has no property "gamma"; supported: '),
         ('<alias id="a" as="b"/>', '<alias> of "a", which is no id so far'),
@@ -413,7 +413,7 @@ def test_documents_that_are_no_scene(document: str, message: str) -> None:
 def test_elements_that_are_wrong(content: str, message: str) -> None:
     assert error_of(content).startswith("<string>:2: ")
     assert message in error_of(content)
-    if "1_0" not in content and "medium" not in content:
+    if "1_0" not in content and "field" not in content:
         assert mitsuba_refuses(content)
 
 

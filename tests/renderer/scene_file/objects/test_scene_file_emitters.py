@@ -137,7 +137,7 @@ def test_emitters_keep_the_order_of_the_file() -> None:
             "moon",
             "",
             "supported emitter plugins: point, spot, directional, constant, envmap, "
-            "projector, area",
+            "sunsky, projector, area",
         ),
         ("point", props(power=1.0), 'has no property "power"; supported: posit'),
         (

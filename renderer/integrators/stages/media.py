@@ -1,0 +1,273 @@
+"""Paths in participating media: free flight, collisions, and crossing boundaries.
+
+A medium is one more way for a ray's flight to end. A ray that collides before its surface
+becomes a point of `MediaWork.collisions`, where a phase function stands for the BSDF.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.scatter import largest, survive
+from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    fabs,
+    first_lanes,
+    lane_index,
+    mask_bits,
+    maximum,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+    sqrt,
+)
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row
+from renderer.kernels.lanes.vectors import (
+    append3,
+    column,
+    dot,
+    load3,
+    orthonormal_basis,
+    select3,
+)
+from renderer.kernels.records.kernel_scene import DRAW, RECORD
+from renderer.kernels.records.media import NO_BOUNDARY
+from renderer.plugins.bsdfs.kind import SMOOTH, STRAIGHT
+from renderer.plugins.media.free_flight import free_flight, noise_of
+from renderer.plugins.media.phase_functions import eval_phase, sample_phase
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, TWO_PI
+
+# The numbers of a flight, behind those of the lights of the same bounce.
+FLIGHT_BLOCK = BLOCKS_PER_BOUNCE // 2
+
+
+class KeptPoints(NamedTuple):
+    """The record of `keep_previous`; it holds nothing."""
+
+
+@method_kernel
+def keep_previous(_, placements, rays, hits, order, count, points):
+    """Keep for each surface point where its path has been scattered last."""
+    for i in range(count):
+        for c in range(3):
+            points.previous[c, i] = rays.previous[c, order[i]]
+
+
+@kernel
+def begin_in_medium(media, work, count):
+    """Set the state of `count` paths at the camera."""
+    rays, state = work.rays, work.media
+    for k in range(count):
+        slot = rays.slot[k]
+        state.medium[slot] = media.camera
+        state.depth[slot] = 0
+        for c in range(3):
+            rays.previous[c, k] = rays.origin[c, k]
+
+
+@kernel
+def medium_behind(media, shape, normal, direction, medium):
+    """Return the medium that a ray is in behind a surface, all as scalars.
+
+    As in Mitsuba the boundary that was crossed last decides, not a stack of them.
+    """
+    if media.interior[shape] == NO_BOUNDARY:
+        return medium
+    outward = dot(normal, direction) > np.float32(0.0)
+    return media.exterior[shape] if outward else media.interior[shape]
+
+
+# ---------------------------------------------------------------------------- collisions
+
+
+@kernel
+def _keep_rays(rays, hits, i, end, throughput, mask):
+    """Move rays i to i + 15 of the mask, with what they have hit, to `end`."""
+    origin, direction = load3(rays.origin, i), load3(rays.direction, i)
+    previous = load3(rays.previous, i)
+    append3(rays.origin, end, origin, mask)
+    append3(rays.direction, end, direction, mask)
+    append3(rays.throughput, end, throughput, mask)
+    append3(rays.previous, end, previous, mask)
+    append_row(rays.pdf, 0, end, load_row(rays.pdf, 0, i), mask)
+    append_row(rays.eta, 0, end, load_row(rays.eta, 0, i), mask)
+    append_row(rays.slot, 0, end, load_row(rays.slot, 0, i), mask)
+    append_row(hits.t, 0, end, load_row(hits.t, 0, i), mask)
+    append_row(hits.prim, 0, end, load_row(hits.prim, 0, i), mask)
+    append_row(hits.u, 0, end, load_row(hits.u, 0, i), mask)
+    append_row(hits.v, 0, end, load_row(hits.v, 0, i), mask)
+    append_row(hits.instance, 0, end, load_row(hits.instance, 0, i), mask)
+
+
+@kernel
+def fly(scene, tile, sample, step, work, count):
+    """Let `count` rays fly; return how many reach their surface, and how many collide.
+
+    The former are compacted in place, in their order.
+    """
+    media, state = scene.media, work.media
+    rays, hits, points = work.rays, work.hits, state.collisions
+    numbers = work.numbers
+    call(
+        scene.sampler[0, DRAW],
+        scene.sampler[0, RECORD],
+        (
+            tile,
+            sample,
+            FLIGHT_BLOCK + step * BLOCKS_PER_BOUNCE,
+            rays.slot,
+            count,
+            numbers,
+        ),
+    )
+    last = scene.settings.max_depth - 1  # depth of the last segment
+    hides = scene.settings.hide_emitters != 0
+    kept, collisions = np.int64(0), np.int64(0)
+    for i in range(0, count, 16):
+        valid = first_lanes(count - i)
+        slot = load_row(rays.slot, 0, i)
+        medium = gather_row(state.medium, 0, slot, valid)
+        depth = gather_row(state.depth, 0, slot, valid)
+        throughput = load3(rays.throughput, i)
+        inside = valid & (medium >= 0)
+        stays, missed = valid, load_row(hits.prim, 0, i) < 0
+        if mask_bits(inside) != 0:
+            origin, direction = load3(rays.origin, i), load3(rays.direction, i)
+            flight = free_flight(
+                media,
+                medium,
+                origin,
+                direction,
+                # media go on behind the camera's far plane
+                select(missed, splat_f32(np.float32(np.inf)), load_row(hits.t, 0, i)),
+                load_row(numbers, 0, i),
+                load_row(numbers, 1, i),
+                noise_of(load_row(numbers, 2, i), load_row(numbers, 3, i)),
+                inside,
+            )
+            throughput = select3(inside, throughput * flight.weight, throughput)
+            alive = fabs(largest(throughput)) > 0.0
+            collided = flight.collided & alive & (depth < np.int32(last))
+            append3(
+                points.position, collisions, origin + direction * flight.distance, collided
+            )
+            append3(points.wo, collisions, -direction, collided)
+            append3(points.throughput, collisions, throughput, collided)
+            append_row(points.bsdf, 0, collisions, medium, collided)
+            append_row(points.slot, 0, collisions, slot, collided)
+            append_row(points.eta, 0, collisions, load_row(rays.eta, 0, i), collided)
+            collisions += popcount(mask_bits(collided))
+            stays = stays & ~flight.collided & alive
+        if hides:  # the camera does not see the environment, through media either
+            stays = stays & (~missed | (depth > 0))
+        _keep_rays(rays, hits, i, kept, throughput, stays)
+        kept += popcount(mask_bits(stays))
+    return kept, collisions
+
+
+@kernel
+def scatter_collisions(scene, tile, sample, step, work, collisions, end):
+    """Send paths on from their collisions; append their rays and return the new end."""
+    media, state, rays = scene.media, work.media, work.rays
+    points, numbers = state.collisions, work.numbers
+    call(
+        scene.sampler[0, DRAW],
+        scene.sampler[0, RECORD],
+        (tile, sample, 1 + step * BLOCKS_PER_BOUNCE, points.slot, collisions, numbers),
+    )
+    for i in range(0, collisions, 16):
+        mine = first_lanes(collisions - i)
+        medium = load_row(points.bsdf, 0, i)
+        cosine = sample_phase(
+            media, medium, load_row(numbers, 0, i), load_row(numbers, 2, i), mine
+        )
+        pdf = eval_phase(media, medium, cosine, mine)
+        forward = -load3(points.wo, i)
+        s, t = orthonormal_basis(forward)
+        sin_phi, cos_phi = sincos(load_row(numbers, 1, i) * TWO_PI)
+        sine = sqrt(maximum((1.0 - cosine) * (1.0 + cosine), splat_f32(0.0)))
+        direction = s * (sine * cos_phi) + t * (sine * sin_phi) + forward * cosine
+        throughput, eta = load3(points.throughput, i), load_row(points.eta, 0, i)
+        alive, throughput = survive(
+            scene.settings,
+            step + 1,
+            throughput,
+            eta,
+            load_row(numbers, 3, i),
+            mine & (pdf > 0.0),
+        )
+        position = load3(points.position, i)
+        append3(rays.origin, end, position, alive)
+        append3(rays.previous, end, position, alive)
+        append3(rays.direction, end, direction, alive)
+        append3(rays.throughput, end, throughput, alive)
+        append_row(rays.pdf, 0, end, pdf, alive)
+        append_row(rays.eta, 0, end, eta, alive)
+        append_row(rays.lobe, 0, end, splat_i32(SMOOTH), alive)
+        append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
+        append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
+        end += popcount(mask_bits(alive))
+    for i in range(collisions):
+        state.depth[points.slot[i]] += 1
+    return end
+
+
+# ------------------------------------------------------------------------------ surfaces
+
+
+@kernel
+def hide_lamps(scene, work, count):
+    """Find anew what rays meet that come straight from the camera, but for area lights."""
+    rays, hits, depth = work.rays, work.hits, work.media.depth
+    first = np.int64(0)
+    while first < count:
+        end = first
+        while end < count and depth[rays.slot[end]] == 0:
+            end += 1
+        if end > first:
+            reset_hits(hits, first, end - first)
+            groups = scene.camera_groups
+            intersect(groups, rays, hits, first, end - first, False, None)
+        first = end + 1
+
+
+@kernel
+def leave_surfaces(scene, work, count):
+    """Go on from surfaces: through boundaries into media; return how many rays do.
+
+    What goes straight on is still the path's last event: its density, its place and its
+    depth stay.
+    """
+    media, state, rays, points = scene.media, work.media, work.rays, work.points
+    last = scene.settings.max_depth - 1
+    kept = np.int64(0)
+    for k in range(count):
+        slot, i = rays.slot[k], rays.point[k]
+        straight = rays.lobe[k] == STRAIGHT
+        if not straight:
+            if state.depth[slot] >= last:
+                continue
+            state.depth[slot] += 1
+        state.medium[slot] = medium_behind(
+            media,
+            points.shape[i],
+            column(points.normal, i),
+            column(rays.direction, k),
+            state.medium[slot],
+        )
+        rays.pdf[kept] = points.pdf[i] if straight else rays.pdf[k]
+        rays.eta[kept], rays.slot[kept] = rays.eta[k], slot
+        for c in range(3):
+            rays.previous[c, kept] = (
+                points.previous[c, i] if straight else points.position[c, i]
+            )
+            rays.origin[c, kept] = rays.origin[c, k]
+            rays.direction[c, kept] = rays.direction[c, k]
+            rays.throughput[c, kept] = rays.throughput[c, k]
+        kept += 1
+    return kept

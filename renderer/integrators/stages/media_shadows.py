@@ -1,0 +1,286 @@
+"""Direct light in participating media: shadow rays are attenuated, not only blocked.
+
+A shadow ray goes on through surfaces that let light straight through, and loses what the
+media on its way absorb and scatter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.stages.direct_light import (
+    BEFORE_LIGHT,
+    cast_shadow_rays,
+    sample_lights,
+)
+from renderer.integrators.stages.intersect import intersect
+from renderer.integrators.stages.materials import prepare_bsdfs
+from renderer.integrators.stages.media import FLIGHT_BLOCK, medium_behind
+from renderer.integrators.stages.surface import append_hits, local_wo, surface_points
+from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    fabs,
+    first_lanes,
+    mask_bits,
+    popcount,
+)
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row
+from renderer.kernels.lanes.vectors import (
+    append3,
+    column,
+    dot,
+    load3,
+    select3,
+    store3,
+    vec3,
+)
+from renderer.kernels.records.batch import Workspace
+from renderer.kernels.records.kernel_scene import (
+    CHOOSE_LIGHT,
+    DRAW,
+    FIRST_BSDF,
+    LET_THROUGH,
+    RECORD,
+)
+from renderer.plugins.bsdfs.kind import black, straight_through
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.lights.kind import light_probability, light_sample_weight
+from renderer.plugins.media.free_flight import noise_of, transmittance
+from renderer.plugins.media.phase_functions import eval_phase
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+
+_MOST_SURFACES = 1 << 16  # that one shadow ray goes through
+
+
+@method_kernel
+def let_through(bsdf, points, start, stop):
+    """Multiply the throughput of points by what one kind of BSDF lets straight through."""
+    for i in range(start, stop, 16):
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        _, wo = local_wo(bsdf, points, i)
+        passed = straight_through(parameters_at(bsdf.form, points, i), wo)
+        throughput = load3(points.throughput, i)
+        store3(points.throughput, i, select3(mine, throughput * passed, throughput))
+
+
+@kernel
+def _with(work, rays, hits, points, order, ends):
+    """Return the same workspace, but stages read and write these rays and points."""
+    return Workspace(
+        rays,
+        hits,
+        work.shadow_rays,
+        points,
+        work.light_samples,
+        work.film,
+        work.numbers,
+        order,
+        ends,
+        work.radiance,
+        work.splats,
+        work.waiting,
+        work.tally,
+        work.media,
+    )
+
+
+# ----------------------------------------------------------------------------- the walk
+
+
+@kernel
+def _start(scene, work, cast, at_surfaces):
+    """Make a ray of each shadow ray; return how many there are."""
+    media, state, shadow = scene.media, work.media, work.shadow_rays
+    rays, last = state.rays, scene.settings.max_depth - 1
+    count = np.int64(0)
+    for k in range(cast):
+        slot = shadow.slot[k]
+        medium = state.medium[slot]
+        if at_surfaces:
+            if state.depth[slot] >= last:
+                continue
+            medium = medium_behind(
+                media,
+                state.shape[slot],
+                column(state.normal, slot),
+                column(shadow.direction, k),
+                medium,
+            )
+        state.inside[k], state.rest[k] = medium, shadow.t_max[k]
+        for c in range(3):
+            rays.origin[c, count] = shadow.origin[c, k]
+            rays.direction[c, count] = shadow.direction[c, k]
+            rays.throughput[c, count] = shadow.radiance[c, k]
+        rays.slot[count], rays.point[count] = slot, k
+        count += 1
+    return count
+
+
+@kernel
+def _attenuate(scene, work, numbers, count):
+    """Multiply the rays' throughput by the transmittance up to what they have hit."""
+    media, state = scene.media, work.media
+    rays, hits = state.rays, state.hits
+    for i in range(0, count, 16):
+        valid = first_lanes(count - i)
+        medium = gather_row(state.inside, 0, load_row(rays.point, 0, i), valid)
+        inside = valid & (medium >= 0)
+        if mask_bits(inside) == 0:
+            continue
+        passed = transmittance(
+            media,
+            medium,
+            load3(rays.origin, i),
+            load3(rays.direction, i),
+            load_row(hits.t, 0, i),
+            noise_of(load_row(numbers, 0, i), load_row(numbers, 1, i)),
+            inside,
+        )
+        throughput = load3(rays.throughput, i)
+        store3(rays.throughput, i, select3(inside, throughput * passed, throughput))
+
+
+@kernel
+def _arrive(work, count):
+    """Add what the rays carry that nothing is in the way of."""
+    rays, hits, radiance = work.media.rays, work.media.hits, work.radiance
+    for k in range(count):
+        if hits.prim[k] < 0:
+            for c in range(3):
+                radiance[c, rays.slot[k]] += rays.throughput[c, k]
+
+
+@kernel
+def _pass_surfaces(scene, walk, count):
+    """Go on behind surfaces that let light through; return how many rays do."""
+    bsdfs, media, state = scene.bsdfs, scene.media, walk.media
+    rays, hits, points, order, ends = (
+        walk.rays,
+        walk.hits,
+        walk.points,
+        walk.order,
+        walk.ends,
+    )
+    first = np.int64(0)
+    ends[0] = 0
+    for kind in range(bsdfs.methods.shape[0]):
+        ends[kind + 1] = ends[kind]
+        if bsdfs.methods[kind, LET_THROUGH] != 0:
+            stage = FIRST_BSDF << kind
+            ends[kind + 1] = append_hits(
+                scene, rays, hits, first, count, stage, order, points, ends[kind]
+            )
+    total = ends[bsdfs.methods.shape[0]]
+    if total == 0:
+        return total
+    surface_points(scene, rays, hits, order, total, points)
+    prepare_bsdfs(scene, walk)
+    for kind in range(bsdfs.methods.shape[0]):
+        if ends[kind + 1] > ends[kind]:
+            call(
+                bsdfs.methods[kind, LET_THROUGH],
+                bsdfs.methods[kind, RECORD],
+                (points, ends[kind], ends[kind + 1]),
+            )
+    for i in range(total):  # from the ray's number to that of its shadow ray
+        order[i] = rays.point[order[i]]
+    end = first
+    for i in range(total):
+        throughput = column(points.throughput, i)
+        some = abs(throughput.x) + abs(throughput.y) + abs(throughput.z)
+        if points.bsdf[i] < 0 or not some > np.float32(0.0):
+            continue
+        k = order[i]
+        normal, wo = column(points.normal, i), column(points.wo, i)
+        side = -points.offset[i] if dot(normal, wo) > np.float32(0.0) else points.offset[i]
+        origin = column(points.position, i) + normal * side
+        rays.origin[0, end], rays.origin[1, end] = origin.x, origin.y
+        rays.origin[2, end] = origin.z
+        direction = vec3(-wo.x, -wo.y, -wo.z)
+        rays.direction[0, end], rays.direction[1, end] = direction.x, direction.y
+        rays.direction[2, end] = direction.z
+        for c in range(3):
+            rays.throughput[c, end] = points.throughput[c, i]
+        rays.slot[end], rays.point[end] = points.slot[i], k
+        state.rest[k] -= points.t[i]
+        state.inside[k] = medium_behind(
+            media, points.shape[i], normal, direction, state.inside[k]
+        )
+        end += 1
+    return end
+
+
+@kernel
+def _trace(scene, tile, sample, step, work, cast, at_surfaces):
+    """Add what `cast` shadow rays carry to the light."""
+    state = work.media
+    rays, hits = state.rays, state.hits
+    walk = _with(work, rays, hits, state.points, state.order, state.ends)
+    count, surfaces = _start(scene, work, cast, at_surfaces), np.int64(0)
+    while count > 0 and surfaces < _MOST_SURFACES:
+        for k in range(count):
+            hits.t[k] = state.rest[rays.point[k]]
+            hits.prim[k] = -1
+        intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
+        surfaces += 1
+        block = FLIGHT_BLOCK + step * BLOCKS_PER_BOUNCE + surfaces
+        call(
+            scene.sampler[0, DRAW],
+            scene.sampler[0, RECORD],
+            (tile, sample, block, rays.slot, count, work.numbers),
+        )
+        _attenuate(scene, work, work.numbers, count)
+        _arrive(work, count)
+        count = _pass_surfaces(scene, walk, count)
+
+
+# ------------------------------------------------------------------- points that are lit
+
+
+@kernel
+def light_surfaces(scene, tile, sample, step, work):
+    """Add the direct light at surface points, as `direct_light` does without media."""
+    state, points = work.media, work.points
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0:
+        return
+    for i in range(count):
+        slot = points.slot[i]
+        state.shape[slot] = points.shape[i]
+        for c in range(3):
+            state.normal[c, slot] = points.normal[c, i]
+    sample_lights(scene, np.int64(0), tile, sample, step, work, count)
+    cast = cast_shadow_rays(scene, work)
+    _trace(scene, tile, sample, step, work, cast, True)
+
+
+@kernel
+def light_collisions(scene, tile, sample, step, work, count):
+    """Add the direct light at the collisions of paths with media."""
+    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
+        return
+    media, settings, points = scene.media, scene.settings, work.media.collisions
+    shadow_rays, samples = work.shadow_rays, work.light_samples
+    there = _with(work, work.rays, work.hits, points, work.order, work.ends)
+    sample_lights(scene, np.int64(0), tile, sample, step, there, count)
+    probability = light_probability(scene.lights, settings)
+    cast = np.int64(0)
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i)
+        wi = load3(samples.wi, i)
+        medium = load_row(points.bsdf, 0, i)
+        phase = eval_phase(media, medium, -dot(load3(points.wo, i), wi), mine)
+        light_pdf = load_row(samples.pdf, 0, i) * probability
+        weight = phase * light_sample_weight(settings, light_pdf, phase) / probability
+        carried = load3(points.throughput, i) * load3(samples.radiance, i) * weight
+        lit = mine & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
+        append3(shadow_rays.origin, cast, load3(points.position, i), lit)
+        append3(shadow_rays.direction, cast, wi, lit)
+        distance = load_row(samples.distance, 0, i)
+        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append3(shadow_rays.radiance, cast, select3(lit, carried, black()), lit)
+        append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
+        cast += popcount(mask_bits(lit))
+    _trace(scene, tile, sample, step, work, cast, False)

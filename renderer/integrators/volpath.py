@@ -1,0 +1,111 @@
+"""Path tracing with participating media: the volume rendering equation by Monte Carlo.
+
+L(x, w) = T(x, y) L_o(y, w) + integral over t of T(x, x_t) sigma_s(x_t) S(x_t, w), where y
+is the surface that is seen, T the transmittance, and S the light that the phase function
+scatters into the direction w [Pharr2023, chapter 14]. A path of the path integrator
+in which a flight may end in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
+from renderer.integrators.path import INTEGRATOR as PATH
+from renderer.integrators.stages.camera_rays import camera_rays
+from renderer.integrators.stages.emission import add_emitted_light
+from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.media import (
+    begin_in_medium,
+    fly,
+    hide_lamps,
+    leave_surfaces,
+    scatter_collisions,
+)
+from renderer.integrators.stages.media_shadows import light_collisions, light_surfaces
+from renderer.integrators.stages.scatter import scatter
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.records.batch import has_places, square_of
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
+
+
+@kernel
+def _first_hits(scene, tile, sample, work):
+    """Trace the camera rays of a tile's squares; return how many there are."""
+    count = np.int64(0)
+    for number in range(tile.square, tile.square + tile.squares):
+        square = square_of(tile, number)
+        if has_places(square):
+            first = count
+            count = camera_rays(scene, square, sample, work, first)
+            groups = scene.camera_groups
+            intersect(groups, work.rays, work.hits, first, count - first, True, None)
+    return count
+
+
+@method_kernel
+def trace_paths(scene, tile, sample, work):
+    """Add the samples of a tile's squares to `work.radiance`."""
+    rays, hits = work.rays, work.hits
+    count = _first_hits(scene, tile, sample, work)
+    if scene.settings.max_depth < 1:
+        return
+    begin_in_medium(scene.media, work, count)
+    zero, step = np.int64(0), np.int64(0)
+    while count > 0:
+        count, collisions = fly(scene, tile, sample, step, work, count)
+        add_emitted_light(scene, work, zero, count, True)
+        group_by_bsdf(scene, work, zero, count)
+        light_surfaces(scene, tile, sample, step, work)
+        light_collisions(scene, tile, sample, step, work, collisions)
+        count = scatter(scene, tile, sample, step, work)
+        count = leave_surfaces(scene, work, count)
+        count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
+        reset_hits(hits, zero, count)
+        intersect(scene.groups, rays, hits, zero, count, False, None)
+        if scene.settings.hide_emitters != 0:
+            hide_lamps(scene, work, count)
+        step += 1
+
+
+def _read(properties: Properties) -> Integrator:
+    return Integrator(
+        "volpath",
+        max_depth=properties.integer("max_depth", -1, at_least=-1, at_most=MOST),
+        rr_depth=properties.integer("rr_depth", 5, at_least=1, at_most=MOST),
+        hide_emitters=properties.boolean("hide_emitters", False),
+    )
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    depth = case.depth
+    if case.reduce and not case.media and not case.straight:
+        say("method", "path: without media, and surfaces that let shadow rays through")
+        return PATH.decide(case, say)
+    say("method", "volpath, as requested")
+    rr_depth = case.requested.rr_depth
+    return Decision(
+        "volpath",
+        depth,
+        roulette_depth=rr_depth if rr_depth < depth else None,
+        no_roulette=f"max_depth {depth} comes before rr_depth {rr_depth}",
+        mirrors=True,
+        follow=case.smooth,
+        random=True,
+    )
+
+
+INTEGRATOR = IntegratorKind(
+    "paths that participating media scatter and absorb on their way",
+    trace_paths,
+    _decide,
+    _read,
+    described=("max_depth", "rr_depth"),
+    sees_lights=True,
+    scatters=True,
+    media=True,
+)

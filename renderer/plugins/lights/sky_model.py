@@ -1,0 +1,173 @@
+"""The sun and the sky of Hosek and Wilkie: the numbers of one sky, in NumPy.
+
+Their model of the sky [Hosek2012] and of the sun [Hosek2013] is a table that was fitted to
+an atmosphere's simulation: nine parameters of a formula and a radiance, by turbidity,
+albedo of the ground and elevation of the sun. `sunsky.npz` has what Mitsuba's `sunsky` uses
+of it in RGB, in single precision as there; docs/make_sunsky_tables.py made the file.
+
+Directions are local: z is up. What depends on no direction is computed here, in double
+precision but where Mitsuba's rounding is part of the result.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.scene_file.description import SunSky
+
+Array = NDArray[np.float64]
+
+APERTURE = 0.5358  # [deg] of the real sun, for which the tables are
+# Integral of the CIE's luminance over nm, by which Mitsuba divides; and what makes a
+# colour of a mean over the bands of the sun's spectrum.
+_Y = 106.7502593994140625
+_SUN_TO_RGB = 467.069280386
+_BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
+_BELOW_ONE = 1.0 - 2.0**-24
+# The cosine of a right angle in single precision: in Mitsuba a lower sun gives no light.
+_HORIZON = 4.4e-8
+
+
+class Sky(NamedTuple):
+    """One sky in its local frame; all radiances are 0 if the sun is below the horizon."""
+
+    sun: Array  # (3,) unit, towards its centre
+    risen: bool
+    parameters: Array  # (9, 3) of the formula, by channel
+    radiance: Array  # (3,) its factor
+    disk: Array  # (3,) radiance of a sun of one colour
+    limb: Array  # (45, 3, 4, 6) of one with a limb, by segment of elevation
+    cosine: float  # of half the aperture, a float32: where the sun ends
+    share: float  # of samples that go to the sky, not to the sun
+    warp: Array  # (5,) share of the peak, slope of the rest; the peak's mean and deviations
+    mean: float  # radiance over all directions, sun included
+
+
+@functools.cache
+def tables() -> dict[str, Array]:
+    """Return the tables by name; the first axis is the turbidity, from 1 to 10.
+
+    sky_parameters (10, 2 albedos, 6 points of a curve over elevation, 3 channels, 9),
+    sky_radiance (10, 2, 6, 3), sun_radiance (10, 45 segments, 3, 4 powers of the elevation,
+    6 of the cosine to the sun's surface), and by 30 elevations from 2 degrees on: sky_power
+    and sun_power (10, 30), luminance over all directions; sun_rgb (10, 30, 3), irradiance;
+    warp (10, 30, 5).
+    """
+    with np.load(Path(__file__).with_name("sunsky.npz")) as file:
+        return {name: file[name].astype(np.float64) for name in file.files}
+
+
+def between(table: Array, place: float) -> Array:
+    """Return a table's entry at a place on its first axis, linear between two of them."""
+    place = min(max(place, 0.0), len(table) - 1.0)
+    low = min(int(place), len(table) - 2)
+    return np.asarray(table[low] + (table[low + 1] - table[low]) * (place - low))
+
+
+def make_sky(light: SunSky) -> Sky:
+    """Return the numbers of a sky."""
+    sun = np.linalg.inv(light.to_world[:3, :3]) @ np.array(light.sun_direction)
+    sun /= np.linalg.norm(sun)
+    elevation = math.atan2(sun[2], math.hypot(sun[0], sun[1]))
+    risen = bool(sun[2] > _HORIZON)
+    t = light.turbidity - 1.0
+    of_turbidity = {name: between(table, t) for name, table in tables().items()}
+
+    x = min(np.cbrt(max(2.0 / math.pi * elevation, 0.0)), _BELOW_ONE)
+    powers = np.arange(6)
+    curve = _BINOMIALS * x**powers * (1.0 - x) ** (5 - powers)
+
+    def at_elevation(name: str) -> Array:
+        dark, bright = of_turbidity[name]
+        albedo = np.reshape(light.albedo, (3, *(1,) * (dark.ndim - 2)))
+        return np.tensordot(curve, dark + (bright - dark) * albedo, 1)
+
+    step = (math.degrees(elevation) - 2.0) / 3.0
+    sky_power = light.sky_scale * float(between(of_turbidity["sky_power"], step))
+    sun_power = light.sun_scale * float(between(of_turbidity["sun_power"], step))
+    cosine, real = half_cosine(light.sun_aperture), half_cosine(APERTURE)
+    larger = (1.0 - real) / (1.0 - cosine)  # a larger sun has less radiance
+    both = sky_power + sun_power * larger
+    sun_scale = light.sun_scale * larger * _SUN_TO_RGB / _Y if risen else 0.0
+    sky_scale = light.sky_scale / _Y if risen else 0.0
+    irradiance = between(of_turbidity["sun_rgb"], step)
+    return Sky(
+        sun,
+        risen,
+        at_elevation("sky_parameters").T,
+        at_elevation("sky_radiance") * sky_scale,
+        irradiance / (2.0 * math.pi * (1.0 - real)) * sun_scale,
+        of_turbidity["sun_radiance"] * sun_scale,
+        cosine,
+        sky_power / both if both > 0.0 else 0.0,
+        between(of_turbidity["warp"], 29.0 * (math.degrees(elevation) - 2.0) / 86.0),
+        risen * (sky_power + sun_power) * _SUN_TO_RGB / _Y / (4.0 * math.pi),
+    )
+
+
+def half_cosine(aperture: float) -> float:
+    """Return the cosine of half an angle [deg], as Mitsuba's in single precision.
+
+    The solid angle, 2 pi (1 - cosine), is 0.2 % off for the real sun, there as here.
+    """
+    half = np.float32(0.5) * np.float32(aperture) * np.float32(math.pi / 180.0)
+    return float(np.float32(math.cos(float(half))))
+
+
+# ------------------------------------------------------------------------------ sampling
+
+
+class SkyWarp(NamedTuple):
+    """How directions of the sky are chosen, by c, the cosine to the zenith, and azimuth."""
+
+    peak: float  # share of the normal distribution
+    slope: float  # of the rest: c = slope x / sqrt(1 + x^2 (slope^2 - 1))
+    mean: float  # of c; that of the azimuth is the sun's
+    spread_c: float  # standard deviations
+    spread_azimuth: float
+    below_c: float  # share of c below 0, and the share in [0, 1]
+    within_c: float
+    below_azimuth: float  # the same of [-pi, pi]
+    within_azimuth: float
+    azimuth: float  # of the sun
+    along_x: float  # its cosine and sine
+    along_y: float
+    peak_density: float  # [1/sr] at the mean
+    rest_density: float  # [1/sr] at the horizon
+    rest_slope: float
+
+
+def sky_warp(numbers: Array, azimuth: float) -> SkyWarp:
+    """Return what samples of the sky need, from `Sky.warp` and the sun's azimuth."""
+    peak, slope, mean, spread_c, spread_azimuth = map(float, numbers)
+    below_c, above_c = (_normal_share((c - mean) / spread_c) for c in (0.0, 1.0))
+    below, above = (_normal_share(a / spread_azimuth) for a in (-math.pi, math.pi))
+    area = 2.0 * math.pi * spread_c * spread_azimuth * (above_c - below_c) * (above - below)
+    return SkyWarp(
+        peak,
+        slope,
+        mean,
+        spread_c,
+        spread_azimuth,
+        below_c,
+        above_c - below_c,
+        below,
+        above - below,
+        azimuth,
+        math.cos(azimuth),
+        math.sin(azimuth),
+        peak / area,
+        (1.0 - peak) / (2.0 * math.pi * slope),
+        1.0 / slope**2 - 1.0,
+    )
+
+
+def _normal_share(x: float) -> float:
+    """Return the share of the standard normal distribution below x."""
+    return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))

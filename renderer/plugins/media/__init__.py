@@ -1,0 +1,1 @@
+"""What fills the space between surfaces: volumes, phase functions, free flight."""

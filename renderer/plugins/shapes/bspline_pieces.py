@@ -1,0 +1,97 @@
+"""Cubic B-splines in powers of their parameter, cut into pieces that are all but straight.
+
+A polynomial is an array (4, 4): of 1, s, s^2, s^3 the point x, y, z and the radius.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.plugins.shapes.curves import first_points
+from renderer.scene_file.description import BsplineCurve
+
+Doubles = NDArray[np.float64]
+
+# Pieces reach this far (in their s) over their ends, so that rounding leaves no gap.
+OVERLAP = np.float32(1e-4)
+_BEND = 0.25  # radians that a piece may turn
+_OFF_CHORD = 0.5  # radii that it may be off its chord
+_SLENDER, _FEW = 16.0, 4  # straight ones are cut into up to 4 of 16 radii for smaller boxes
+_MOST = 64  # pieces of a segment
+_PLACES = np.linspace(0.0, 1.0, 9)  # where the direction of a segment is looked at
+
+# Uniform cubic B-spline: from control points to powers, times 6.
+_POWERS = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6.0
+# From powers to the control points of a Bezier curve, whose hull holds it.
+_HULL = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
+
+
+def segment_polynomials(shape: BsplineCurve) -> Doubles:
+    """Return the polynomials (segments, 4, 4) of the segments of all curves."""
+    points = first_points(shape, 4)[:, None] + np.arange(4)
+    return np.asarray(_POWERS @ shape.points[points].astype(np.float64))
+
+
+def piece_counts(segments: Doubles) -> NDArray[np.int64]:
+    """Return into how many pieces each segment is cut, (n,)."""
+    c1, c2, c3 = (segments[:, k, :3] for k in (1, 2, 3))
+    s = _PLACES[:, None, None]
+    slopes = c1 + s * (2.0 * c2 + s * 3.0 * c3)  # (places, n, 3)
+    thick = (_HULL @ segments)[:, :, 3].max(axis=1)
+    with np.errstate(all="ignore"):
+        slopes /= np.linalg.norm(slopes, axis=2, keepdims=True)
+        cosines = np.clip((slopes[1:] * slopes[:-1]).sum(axis=2), -1.0, 1.0)
+        bend = np.arccos(cosines).sum(axis=0) / _BEND
+        off = 0.25 * np.linalg.norm(c2, axis=1) + 0.4 * np.linalg.norm(c3, axis=1)
+        off = np.sqrt(off / (_OFF_CHORD * thick))
+        chord = np.linalg.norm(c1 + c2 + c3, axis=1) / (_SLENDER * thick)
+        needed = np.ceil(np.maximum(np.maximum(bend, off), np.minimum(chord, _FEW)))
+    # NaN: a curve that stands still somewhere, or has no radius
+    return np.clip(np.nan_to_num(needed, nan=_MOST, posinf=_MOST), 1, _MOST).astype(
+        np.int64
+    )
+
+
+def piece_polynomials(segments: Doubles) -> tuple[NDArray[np.float32], Doubles]:
+    """Cut segments.
+
+    Returns
+    -------
+    polynomials
+        Of the pieces, (n, 4, 4), in their own s.
+    places
+        v of the whole shape where each piece begins, and how far it runs, (n, 2).
+    """
+    counts = piece_counts(segments)
+    owner = np.repeat(np.arange(len(counts)), counts)
+    ends = np.cumsum(counts)
+    width = 1.0 / counts[owner]
+    begin = (np.arange(len(owner)) - (ends - counts)[owner]) * width
+    c0, c1, c2, c3 = segments[owner].swapaxes(0, 1)
+    b, w = begin[:, None], width[:, None]
+    pieces = np.stack(
+        [
+            c0 + b * (c1 + b * (c2 + b * c3)),
+            w * (c1 + b * (2.0 * c2 + b * 3.0 * c3)),
+            w * w * (c2 + 3.0 * b * c3),
+            w * w * w * c3,
+        ],
+        axis=1,
+    )
+    places = np.stack([owner + begin, width], axis=1) / len(counts)
+    return pieces.astype(np.float32), places
+
+
+def extents(numbers: Any) -> tuple[Doubles, Doubles]:
+    """Return points (3, 4, n) and radii (n,): pieces are in the hull of balls around them.
+
+    `numbers` (16, n) are polynomials. The hull is that of the Bezier curve, and a little
+    larger: pieces overlap.
+    """
+    powers = numbers.reshape(4, 4, -1).astype(np.float64)
+    points = np.einsum("pk,kcn->pcn", _HULL, powers)
+    over = 2.0 * OVERLAP * np.abs(powers[1:]).sum(axis=(0, 1))
+    return points[:, :3].swapaxes(0, 1), points[:, 3].max(axis=0) + over

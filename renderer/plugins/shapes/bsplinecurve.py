@@ -1,0 +1,335 @@
+"""Ray against cubic B-spline curve: the tube of the circles across it, open at its ends.
+
+A circle lies in the plane across the curve c(s), around its point there, and has the
+radius r(s), a cubic too. A point x is on the tube where g = |q|^2 - r^2 is 0, with
+q = x - c(s) and s such that q . c'(s) = 0. Along a ray x(t) that condition makes s a
+function of t, so g is one as well, and its first two derivatives are known. As g of a
+straight tube is a quadratic, each step goes to the root of the quadratic that has these
+derivatives, at which the ray enters. That converges cubically, and rays that pass a tube
+stop at the least g, above 0. [Reshetov2018] goes along the curve in place of the ray, where
+both roots of a thin tube that is met across are in one place.
+
+Each segment of a curve is cut into pieces that bend by less than 15 degrees and leave their
+chord by less than half a radius, so that a ray enters none twice. Each is a primitive.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import kernel, table_columns
+from renderer.kernels.lanes.fields import Number, Vector
+from renderer.kernels.lanes.functions import any_of, fabs, maximum, minimum, select, sqrt
+from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.vectors import cross, dot, length, vec3
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI
+from renderer.plugins.shapes.bspline_pieces import (
+    OVERLAP,
+    extents,
+    piece_counts,
+    piece_polynomials,
+    segment_polynomials,
+)
+from renderer.plugins.shapes.curves import (
+    CurveSurfaces,
+    angle_around,
+    read_curves,
+    record,
+    unit_or,
+    upwards,
+)
+from renderer.plugins.shapes.flat import ONE, ZERO
+from renderer.plugins.shapes.kind import ShapeKind
+from renderer.plugins.shapes.primitives import Intersection, float32
+from renderer.plugins.shapes.surface import ROUNDING, SurfacePoint, magnitude, nowhere
+from renderer.plugins.shapes.uv import uv_derivatives
+from renderer.process import memory
+from renderer.scene_file.description import BsplineCurve
+
+_TWO, _THREE, _SIX = np.float32(2.0), np.float32(3.0), np.float32(6.0)
+_HALF = np.float32(0.5)
+_STEPS = 5
+_NEWTON_STEPS = 8  # from a point next to the surface to its place along the curve
+_FARTHEST = np.float32(
+    8.0
+)  # that s may be from a piece, whose own s are 0 to 1, on the way
+_STEEPEST = np.float32(0.05)  # of |c'|^2: beyond it a point is next to the centre of a bend
+_CONVERGED = np.float32(0.02)  # the last step, in radii; the error is its cube
+_CLOSE = np.float32(1.001)
+_BYTES_A_PIECE = 600  # of the scene, its tree and what builds them
+
+
+class Piece(NamedTuple):
+    """A cubic in powers of s in [0, 1], or 16 in lanes: the point and the radius."""
+
+    c0: Vector
+    r0: Number
+    c1: Vector
+    r1: Number
+    c2: Vector
+    r2: Number
+    c3: Vector
+    r3: Number
+
+
+class Local(NamedTuple):
+    """A point x next to a curve at s, and derivatives of the curve there."""
+
+    q: Any  # x - c
+    slope: Any  # c'
+    bend: Any  # c''
+    radius: Any
+    growth: Any  # r'
+    steepness: Any  # c' . c' - q . c'': what q . c' falls by with s
+
+
+@kernel
+def _at(piece, x, s):
+    """Return what is known at s of a point x, which is seen from the start of the piece."""
+    q = x - (piece.c1 + (piece.c2 + piece.c3 * s) * s) * s
+    slope = piece.c1 + (piece.c2 * _TWO + piece.c3 * (_THREE * s)) * s
+    bend = piece.c2 * _TWO + piece.c3 * (_SIX * s)
+    radius = piece.r0 + (piece.r1 + (piece.r2 + piece.r3 * s) * s) * s
+    growth = piece.r1 + (_TWO * piece.r2 + _THREE * piece.r3 * s) * s
+    return Local(q, slope, bend, radius, growth, dot(slope, slope) - dot(q, bend))
+
+
+@kernel
+def _bounded(x, low, high):
+    """Return x between both; NaN becomes `low`."""
+    return minimum(maximum(x, low), high)
+
+
+@kernel
+def _across(piece, x, s):
+    """Return s after a step of Newton's method towards q . c' = 0."""
+    here = _at(piece, x, s)
+    steepness = maximum(here.steepness, _STEEPEST * dot(here.slope, here.slope))
+    s = s + dot(here.q, here.slope) / steepness
+    return _bounded(s, -_FARTHEST, ONE + _FARTHEST)
+
+
+class Step(NamedTuple):
+    """From one place of a ray to that where it enters by a quadratic."""
+
+    t: Any  # how far along the ray
+    s: Any  # how far along the curve
+    enters: Any  # mask: the quadratic has a root, on the outside of a bend
+
+
+@kernel
+def _step(piece, x, direction, s, farthest):
+    """Return the step from a point x of a ray; t goes no farther than `farthest`."""
+    here, d = _at(piece, x, s), direction
+    square = dot(here.slope, here.slope)
+    steepness = maximum(here.steepness, _STEEPEST * square)
+    ds = dot(here.slope, d) / steepness
+    twist = piece.c3 * _SIX  # c'''
+    # derivative of the steepness along the ray, then the second one of s
+    change = _THREE * dot(here.slope, here.bend) * ds - dot(here.bend, d)
+    change = change - dot(here.q, twist) * ds
+    dds = (dot(here.bend, d) * ds - ds * change) / steepness
+    # g, and half of its derivatives
+    g = dot(here.q, here.q) - here.radius * here.radius
+    first = dot(here.q, d) - here.radius * here.growth * ds
+    widening = _TWO * piece.r2 + _SIX * piece.r3 * s  # r''
+    second = dot(d - here.slope * ds, d) - here.radius * here.growth * dds
+    second = second - (here.growth * here.growth + here.radius * widening) * (ds * ds)
+    discriminant = first * first - second * g
+    root = sqrt(maximum(discriminant, ZERO))
+    t = select(first > ZERO, -(first + root) / second, g / (root - first))
+    enters = (discriminant > ZERO) & (here.steepness > _STEEPEST * square)
+    # without a root: outside, to the least g; inside of a bend, back by half of the piece
+    other = select(g > ZERO, -first / second, -_HALF / fabs(ds))
+    t = _bounded(select(discriminant > ZERO, t, other), -farthest, farthest)
+    return Step(t, ds * t, enters)
+
+
+@kernel
+def hit_piece(piece, origin, direction, t_max):
+    """Intersect; hits enter, with 0 < t <= t_max; v is s, from 0 to 1 within rounding."""
+    d, chord = direction, piece.c1 + piece.c2 + piece.c3
+    f = origin - piece.c0
+    d_squared, d_chord, squared = dot(d, d), dot(d, chord), dot(chord, chord)
+    f_chord, f_d = dot(f, chord), dot(f, d)
+    s = (f_chord * d_squared - f_d * d_chord) / (squared * d_squared - d_chord * d_chord)
+    s = _bounded(s, ZERO, ONE)
+    # where the ray is next to the chord it begins anew: no large numbers cancel from there
+    start = -dot(f - chord * s, d) / d_squared
+    base = f + d * start
+    gap = base - chord * s
+    zero = start * ZERO
+    # what a cubic on [0, 1] is off the line between its ends
+    off_chord = np.float32(0.25) * length(piece.c2) + np.float32(0.4) * length(piece.c3)
+    thickest = maximum(piece.r0, piece.r0 + piece.r1 + piece.r2 + piece.r3)
+    thickest = (
+        thickest + np.float32(0.25) * fabs(piece.r2) + np.float32(0.4) * fabs(piece.r3)
+    )
+    reach = (thickest + off_chord) * _CLOSE
+    close = dot(gap, gap) <= reach * reach
+    if not any_of(close):
+        return Intersection(close, zero, zero, zero)
+
+    farthest = (sqrt(squared) + _TWO * reach) / sqrt(d_squared)
+    t = zero
+    for _ in range(_STEPS):
+        s = _across(piece, base + d * t, s)
+        step = _step(piece, base + d * t, d, s, farthest)
+        t = t + step.t
+        s = _bounded(s + step.s, -_FARTHEST, ONE + _FARTHEST)
+    s = _across(piece, base + d * t, s)
+    step = _step(piece, base + d * t, d, s, farthest)
+    s = s + step.s
+    t = start + (t + step.t)
+    moved = fabs(step.t) * sqrt(d_squared)
+    hit = close & step.enters & (moved <= _CONVERGED * thickest)
+    hit = hit & (s >= -OVERLAP) & (s <= ONE + OVERLAP) & (t > ZERO) & (t <= t_max)
+    return Intersection(hit, t, zero, s)
+
+
+# ------------------------------------------------------------------------------ surface
+
+
+@table_columns("numbers")
+class BsplinePieces(CurveSurfaces):
+    """Pieces of curves; `numbers` are those of `Piece`."""
+
+
+@kernel
+def _gather_piece(pieces, index, mask):
+    x0, y0, z0, r0 = gather_columns(pieces.numbers, 0, index, mask)
+    x1, y1, z1, r1 = gather_columns(pieces.numbers, 4, index, mask)
+    x2, y2, z2, r2 = gather_columns(pieces.numbers, 8, index, mask)
+    x3, y3, z3, r3 = gather_columns(pieces.numbers, 12, index, mask)
+    return Piece(
+        vec3(x0, y0, z0),
+        r0,
+        vec3(x1, y1, z1),
+        r1,
+        vec3(x2, y2, z2),
+        r2,
+        vec3(x3, y3, z3),
+        r3,
+    )
+
+
+@kernel
+def _point_on_piece(pieces, index, mask, u, v, hit_point, with_uv):
+    """Return the point of the circle at v; its normal has a part along the curve."""
+    piece = _gather_piece(pieces, index, mask)
+    here = _at(piece, hit_point - piece.c0, v)
+    axis = unit_or(here.slope, upwards(v))
+    outwards = unit_or(here.q - axis * dot(here.q, axis), upwards(v))
+    normal = outwards * here.steepness - here.slope * here.growth
+    normal = unit_or(normal, outwards)
+    from_start = (piece.c1 + (piece.c2 + piece.c3 * v) * v) * v
+    position = piece.c0 + from_start + outwards * here.radius
+    size = magnitude(piece.c0) + magnitude(piece.c1) + magnitude(piece.c2)
+    offset = (size + magnitude(piece.c3) + here.radius) * ROUNDING
+    angle, along = v, v
+    if with_uv != 0:
+        angle = angle_around(axis, outwards)
+        begins = gather_row(pieces.place, 0, index, mask)
+        along = begins + gather_row(pieces.place, 1, index, mask) * v
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, angle, along)
+
+
+@kernel
+def _tangent_of_piece(pieces, index, mask, u, v, normal):
+    """Return the way around the curve."""
+    piece = _gather_piece(pieces, index, mask)
+    slope = piece.c1 + (piece.c2 * 2.0 + piece.c3 * (3.0 * v)) * v
+    return cross(slope, normal)
+
+
+class AlongPieces(NamedTuple):
+    """The record of `uv_derivatives`."""
+
+    first: int
+    end: int
+    pieces: BsplinePieces
+
+
+@uv_derivatives.by(AlongPieces)
+@kernel
+def _derivatives(shapes, index, mask, position):
+    """Return how a circle moves and turns with the curve's own frame [Frenet1852]."""
+    piece = _gather_piece(shapes.pieces, index, mask)
+    x = position - piece.c0
+    chord = piece.c1 + piece.c2 + piece.c3
+    s = _bounded(dot(x, chord) / dot(chord, chord), ZERO, ONE)
+    for _ in range(_NEWTON_STEPS):
+        s = _across(piece, x, s)
+    here = _at(piece, x, s)
+    axis, outwards = unit_or(here.slope, upwards(s)), unit_or(here.q, upwards(s))
+    around = cross(axis, outwards)
+    binormal = cross(here.slope, here.bend)
+    square, speed = dot(binormal, binormal), length(here.slope)
+    bent = sqrt(square) > speed * speed * speed * np.float32(2.0**-24)
+    # the torsion times |c'|; straight curves have none
+    turn = dot(piece.c3 * 6.0, binormal) * speed / select(bent, square, 1.0)
+    turn = select(bent, turn, 0.0)
+    back = here.radius * dot(outwards, here.bend) / (speed * speed)
+    along = (
+        here.slope * (1.0 - back) + outwards * here.growth + around * (here.radius * turn)
+    )
+    scale = 1.0 / gather_row(shapes.pieces.place, 1, index, mask)
+    return around * (here.radius * TWO_PI), along * scale
+
+
+# ------------------------------------------------------------------------------- tables
+
+
+def read(properties: Any, common: dict[str, Any]) -> BsplineCurve:
+    """Read the properties of a file."""
+    shape = read_curves(properties, common, BsplineCurve, 4)
+    count = int(piece_counts(segment_polynomials(shape)).sum())
+    what = f"{properties.location}: {properties.element} of {count} pieces"
+    memory.require(_BYTES_A_PIECE * count, what)
+    return shape
+
+
+def surfaces(shapes: list[BsplineCurve], first: int) -> BsplinePieces:
+    """Return the pieces of shapes with primitive ids from `first` on."""
+    made = [piece_polynomials(segment_polynomials(shape)) for shape in shapes]
+    numbers = [polynomials.reshape(-1, 16) for polynomials, _ in made]
+    table: BsplinePieces = record(BsplinePieces, first, numbers, [p for _, p in made])
+    return table
+
+
+def _faces(shape: BsplineCurve) -> NDArray[np.int64]:
+    """Return the segment that each piece is of."""
+    counts = piece_counts(segment_polynomials(shape))
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    points, radius = extents(s.numbers)
+    return [float32(points.min(axis=1) - radius), float32(points.max(axis=1) + radius)]
+
+
+def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
+    points, radius = extents(s.numbers[:, order])
+    return points, radius, np.zeros((3, len(radius)), np.float32)
+
+
+BSPLINE_PIECES = ShapeKind(
+    name="bspline_pieces",
+    plugins={"bsplinecurve": read},
+    description=BsplineCurve,
+    record=BsplinePieces,
+    surfaces=surfaces,
+    primitive=Piece,
+    numbers=lambda s, columns: (s.numbers[:, columns],),
+    intersect=hit_piece,
+    surface_point=_point_on_piece,
+    tangent=_tangent_of_piece,
+    corners=_corners,
+    hull=_hull,
+    derivatives=lambda s, shapes: AlongPieces(s.first, s.end, s),
+    orientation=lambda shape: 1.0,
+    faces=_faces,
+)

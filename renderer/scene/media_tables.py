@@ -1,0 +1,147 @@
+"""The participating media of a scene as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.records.media import (
+    HENYEY_GREENSTEIN,
+    ISOTROPIC,
+    NO_BOUNDARY,
+    RAYLEIGH,
+    TABULATED,
+    VACUUM,
+    Media,
+)
+from renderer.plugins.media.volumes import grid_tables
+from renderer.scene_file.description import SceneDescription
+from renderer.scene_file.media_description import (
+    BlendedPhase,
+    ConstantVolume,
+    GridVolume,
+    HenyeyGreenstein,
+    Medium,
+    Phase,
+    RayleighPhase,
+    TabulatedPhase,
+    Volume,
+)
+
+
+def media_tables(description: SceneDescription | None) -> Media:
+    """Return the media that shapes and the sensor refer to; None: none at all."""
+    media: dict[int, int] = {}
+    found: list[Medium] = []
+
+    def number(medium: Medium | None) -> int:
+        if medium is None:
+            return int(VACUUM)
+        if id(medium) not in media:
+            media[id(medium)] = len(found)
+            found.append(medium)
+        return media[id(medium)]
+
+    camera = number(description.camera.medium if description else None)
+    sides = []
+    for shape in description.every_shape if description else ():
+        boundary = shape.interior is not None or shape.exterior is not None
+        inside, outside = number(shape.interior), number(shape.exterior)
+        sides.append((inside, outside) if boundary else (int(NO_BOUNDARY),) * 2)
+    interior, exterior = np.array(sides or [(int(NO_BOUNDARY),) * 2], np.int32).T
+    volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
+    grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
+    place = {id(grid): k for k, grid in enumerate(grids)}
+    phases = [list(_leaves(medium.phase, 1.0)) for medium in found]
+    flat = [leaf for leaves in phases for leaf in leaves]
+    tables = [_table(phase) for _, phase in flat]
+    return Media(
+        len(found),
+        camera,
+        np.ascontiguousarray(interior),
+        np.ascontiguousarray(exterior),
+        _columns([_sigma_t(medium) for medium in found], 3),
+        _columns([_factor(m.albedo) for m in found], 3),
+        _numbers([_majorant(medium) for medium in found], np.float32),
+        _numbers([place.get(id(m.sigma_t), -1) for m in found], np.int32),
+        _numbers([place.get(id(m.albedo), -1) for m in found], np.int32),
+        _columns([_box(medium.sigma_t) for medium in found], 6),
+        _ends(map(len, phases)),
+        _numbers([_kind(phase) for _, phase in flat], np.int32),
+        _numbers([share for share, _ in flat], np.float32),
+        _numbers([getattr(phase, "g", 0.0) for _, phase in flat], np.float32),
+        _ends(table.shape[1] for table in tables),
+        np.concatenate([*tables, np.zeros((2, 16))], axis=1).astype(np.float32),
+        grid_tables(grids),
+    )
+
+
+def _numbers(values: Sequence[Any], dtype: Any) -> NDArray[Any]:
+    return np.array([*values, 0] if not values else values, dtype)
+
+
+def _columns(rows: Sequence[Any], size: int) -> NDArray[np.float32]:
+    table = np.array(rows or [np.zeros(size)], np.float64)
+    return np.ascontiguousarray(table.T, np.float32)
+
+
+def _ends(counts: Any) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts]).astype(np.int32)
+
+
+def _factor(volume: Volume) -> Any:
+    return volume.rgb if isinstance(volume, ConstantVolume) else (1.0, 1.0, 1.0)
+
+
+def _sigma_t(medium: Medium) -> Any:
+    """Return the extinction, or the factor of a grid; 0 where nothing ever collides."""
+    nothing = medium.plugin != "homogeneous" and np.float32(_majorant(medium)) == 0.0
+    return np.multiply(0.0 if nothing else medium.scale, _factor(medium.sigma_t))
+
+
+def _majorant(medium: Medium) -> float:
+    if medium.plugin == "homogeneous":
+        return 0.0
+    # above every interpolated number, which rounding may raise by some units
+    return medium.scale * medium.sigma_t.maximum * (1.0 + 2.0**-20)
+
+
+def _box(volume: Volume) -> NDArray[np.float64]:
+    """Return the corners of the world's box around the unit cube of a volume, (6,)."""
+    corners = np.stack(np.meshgrid(*([[0.0, 1.0]] * 3)), axis=-1).reshape(-1, 3)
+    placed = corners @ volume.to_world[:3, :3].T + volume.to_world[:3, 3]
+    return np.concatenate((placed.min(axis=0), placed.max(axis=0)))
+
+
+# ---------------------------------------------------------------------- phase functions
+
+
+def _leaves(phase: Phase, share: float) -> Iterator[tuple[float, Phase]]:
+    """Yield the phase functions of a mixture with their shares, but those without any."""
+    if isinstance(phase, BlendedPhase):
+        yield from _leaves(phase.first, share * (1.0 - phase.weight))
+        yield from _leaves(phase.second, share * phase.weight)
+    elif share > 0.0:
+        yield share, phase
+
+
+def _kind(phase: Phase) -> int:
+    kinds: dict[type, int] = {
+        HenyeyGreenstein: HENYEY_GREENSTEIN,
+        RayleighPhase: RAYLEIGH,
+        TabulatedPhase: TABULATED,
+    }
+    return kinds.get(type(phase), ISOTROPIC)
+
+
+def _table(phase: Phase) -> NDArray[np.float64]:
+    """Return densities at equally spaced cosines, and their integrals up to there."""
+    if not isinstance(phase, TabulatedPhase):
+        return np.zeros((2, 0))
+    values = np.array(phase.values)
+    steps = (values[1:] + values[:-1]) / (len(values) - 1.0)
+    integral = np.concatenate(([0.0], np.cumsum(steps)))
+    return np.stack((values, integral)) / integral[-1]
