@@ -85,6 +85,7 @@ _REQUIRED: dict[str, Properties] = {  # properties without a default, by plugin
     "sdfgrid": {"grid": np.mgrid[-1.0:2.0, :3, :3][0][..., None]},
     "thinlens": {"aperture_radius": 0.1, "focus_distance": 4.0},
     "uniform": {"value": 0.5},
+    "volume": {"volume": {"type": "gridvolume", "grid": np.full((2, 2, 2, 3), 0.5)}},
 }
 _VARIANTS = {  # of BSDFs, with the properties that choose them
     TRANSMITTING: {"type": "principled", "spec_trans": 0.5},
@@ -93,6 +94,7 @@ _PATH: Properties = {"integrator": "path"}
 _REPLAY = _PATH | {"sampler": REPLAY}
 _FIRST_HIT: Properties = {"integrator": "aov"}
 _TREE: Properties = {"integrator": "whitted"}
+_MEDIA: Properties = {"integrator": "volpath"}
 # shapes that cannot shine
 _DARK = {"implicits", "sdf_cells", "linear_segments", "bspline_pieces"}
 _PLAIN = _DARK | {"cylinders"}  # or in one colour alone
@@ -186,7 +188,10 @@ def _bsdfs() -> Iterator[SmallScene]:
     variants = {name: _VARIANTS[name] for name in VARIANTS}
     for name, bsdf in ({name: _plugin(name) for name in BSDFS} | variants).items():
         scene = _scene(_FLOOR | {"bsdf": bsdf}, _LAMP)
-        yield SmallScene(name, scene, (_PATH, _TREE, _FIRST_HIT, _REPLAY))
+        renders: tuple[Properties, ...] = (_PATH, _TREE, _FIRST_HIT, _REPLAY)
+        if name in BSDFS and BSDFS[name].straight:
+            renders += (_MEDIA,)
+        yield SmallScene(name, scene, renders)
     for wrapper in WRAPPERS:
         for name, kind in BSDFS.items():
             if not (kind.transmits and WRAPPERS[wrapper].opaque):
@@ -230,7 +235,7 @@ def _lights() -> Iterator[SmallScene]:
     pictures = [
         _plugin("bitmap", data=x) for x in ((255.0 * _PIXELS).astype("u1"), _PIXELS)
     ]
-    renders = _PATH, _TREE, _REPLAY
+    renders = _PATH, _TREE, _REPLAY, _MEDIA
     for name, plugin in LIGHTS.items():
         key = "radiance" if plugin.on_shapes else plugin.texture
         lights = [_plugin(name), *(_plugin(name, **{key: x}) for x in pictures if key)]

@@ -95,7 +95,8 @@ def _check(description: SceneDescription, name: str) -> None:
 
     integrator, rfilter = description.integrator, description.camera.film.rfilter
     if name not in INTEGRATORS:
-        possible = " and ".join((", ".join(map(repr, INTEGRATORS[:-1])), "'whitted'"))
+        listed = ", ".join(map(repr, INTEGRATORS[:-1]))
+        possible = f"{listed} and {INTEGRATORS[-1]!r}"
         refuse(f"integrator {name!r}; possible are {possible}")
     if name == integrator.name and integrator.refusal:
         raise SceneError(integrator.refusal)

@@ -204,6 +204,7 @@ def test_the_page_of_scene_files_names_every_plugin_that_is_supported():
         "sensor, film": ["sensor", "film", "rfilter"],
         "samplers": ["sampler"],
         "integrators": ["integrator"],
+        "media": ["medium", "phase", "volume"],
     }
     named = {
         row: sorted(re.findall(r"`(\w+)`", text))

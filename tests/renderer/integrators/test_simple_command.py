@@ -90,7 +90,10 @@ def test_what_is_wrong_is_the_line_of_lightproof_before_anything_is_rendered(
     [
         (["instances"], "has no instances; possible are shapes alone"),
         (["nowhere"], "nowhere"),
-        (["cornell-box", "--integrator", "depth"], "possible are 'path', 'direct' and"),
+        (
+            ["cornell-box", "--integrator", "depth"],
+            "possible are 'path', 'direct', 'whitted'",
+        ),
     ],
 )
 def test_scenes_that_it_cannot_render_are_one_line(words, message, capsys):

@@ -229,7 +229,7 @@ GRID = np.float32([-1, 1]).repeat(4).reshape(2, 2, 2, 1)
     [
         (
             {"integrator": {"type": "depth"}},
-            "integrator 'depth'; possible are 'path', 'direct' and 'whitted'",
+            "integrator 'depth'; possible are 'path', 'direct', 'whitted' and 'volpath'",
         ),
         ({"integrator": {"type": "path", "hide_emitters": True}}, "hide_emitters"),
         ({"a": {"type": "implicit", "expression": "x"}}, "has no shape 'implicit'"),

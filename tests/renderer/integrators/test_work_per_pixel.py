@@ -183,4 +183,7 @@ def test_a_scene_file_does_not_ask_for_it():
     with pytest.raises(SceneError) as refused:
         renderer.render(renderer.load_string(text))
     message = str(refused.value)
-    assert "supported integrator plugins: direct, whitted, path, depth, aov" in message
+    assert (
+        "supported integrator plugins: direct, whitted, path, volpath, depth, aov"
+        in message
+    )

@@ -10,7 +10,7 @@ HAIR = '<bsdf type="hair" id="h"/>'
 UNUSED = {
     HAIR: 'bsdf "hair"',
     '<bsdf type="twosided" id="t"><bsdf type="hair"/></bsdf>': 'bsdf "hair"',
-    '<texture type="volume" id="v"><volume type="constvolume"/></texture>': "texture",
+    '<phase type="sggx" id="s"/>': 'phase "sggx"',
     '<film type="specfilm" id="f"/>': 'film "specfilm"',
     '<shape type="shapegroup" id="g"><shape type="sphere"><bsdf type="hair"/></shape>'
     "</shape>": 'bsdf "hair"',
