@@ -92,6 +92,7 @@ class _Upgrade:
     def __init__(self, document: EditedXml, source: str) -> None:
         self._document, self._source = document, source
         self.changes: list[Change] = []
+        self._skies = 0  # suns and skies so far
 
     def run(self) -> None:
         root = self._document.root
@@ -281,6 +282,10 @@ class _Upgrade:
     def _sun_and_sky(self, node: Node, plugin: str) -> list[Node]:
         """Set a sky upright whose y was up; return the children that are done with."""
         scaled, dark = SUN_AND_SKY[plugin]
+        self._skies += 1
+        if self._skies > 1:
+            why = "a scene has one sunsky: give the first one its scale and parameters"
+            self._leave(node, f'emitter "{plugin}"', why)
         named = {
             current_name(plugin, child.attributes.get("name", "")): child
             for child in node.children

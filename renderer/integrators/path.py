@@ -11,15 +11,14 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.direct_light import direct_light
 from renderer.integrators.stages.emission import add_emitted_light
-from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter
 from renderer.integrators.stages.straight_through import drop_transparent, keep_marks
 from renderer.kernels.jit import call, kernel, method_kernel
-from renderer.kernels.records.batch import HOLES_ALONE, has_places, square_of
+from renderer.kernels.records.batch import HOLES_ALONE
 from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
@@ -41,17 +40,11 @@ def begin_bounce(scene, tile, sample, work, count):
 def trace_paths(scene, tile, sample, work):
     """Add the samples of a tile's squares to `work.radiance`.
 
-    Camera rays of a square are neighbours and go together. What comes after a bounce is
-    of all squares: the more rays a stream has, the more of them enter the same nodes.
+    What comes after a bounce is of all squares: the more rays a stream has, the more of
+    them enter the same nodes.
     """
     rays, hits, settings = work.rays, work.hits, scene.settings
-    count = np.int64(0)
-    for number in range(tile.square, tile.square + tile.squares):
-        square = square_of(tile, number)
-        if has_places(square):
-            first = count
-            count = camera_rays(scene, square, sample, work, first)
-            intersect(scene.camera_groups, rays, hits, first, count - first, True, None)
+    count = camera_hits(scene, tile, sample, work)
     if settings.max_depth < 1:
         return
     for k in range(count):
@@ -77,9 +70,10 @@ def trace_paths(scene, tile, sample, work):
         bounce += 1
 
 
-def _read(properties: Properties) -> Integrator:
+def read_paths(properties: Properties) -> Integrator:
+    """Read the properties of an integrator of paths."""
     return Integrator(
-        "path",
+        properties.element.plugin,
         max_depth=properties.integer("max_depth", -1, at_least=-1, at_most=MOST),
         rr_depth=properties.integer("rr_depth", 5, at_least=1, at_most=MOST),
         hide_emitters=properties.boolean("hide_emitters", False),
@@ -121,15 +115,20 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     if case.reduce and not case.lights:
         return decide_without_lights(case, say)
     say("method", "path, as asked for")
-    rr_depth = case.requested.rr_depth
+    return whole_paths("path", case, mirrors=case.delta, random=depth > 2 or case.extended)
+
+
+def whole_paths(method: str, case: Case, *, mirrors: bool, random: bool) -> Decision:
+    """Return how paths of any length are traced."""
+    depth, rr_depth = case.depth, case.requested.rr_depth
     return Decision(
-        "path",
+        method,
         depth,
         roulette_depth=rr_depth if rr_depth < depth else None,
         no_roulette=f"max_depth {depth} comes before rr_depth {rr_depth}",
-        mirrors=case.delta,
+        mirrors=mirrors,
         follow=case.smooth,
-        random=depth > 2 or case.extended,
+        random=random,
     )
 
 
@@ -137,7 +136,7 @@ INTEGRATOR = IntegratorKind(
     "light over many bounces, as the mean of random paths (Kajiya 1986)",
     trace_paths,
     _decide,
-    _read,
+    read_paths,
     described=("max_depth", "rr_depth"),
     sees_lights=True,
     scatters=True,

@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
+from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.path import INTEGRATOR as PATH
-from renderer.integrators.stages.camera_rays import camera_rays
+from renderer.integrators.path import read_paths, whole_paths
 from renderer.integrators.stages.emission import add_emitted_light
-from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
     begin_in_medium,
@@ -27,31 +27,14 @@ from renderer.integrators.stages.media import (
 )
 from renderer.integrators.stages.media_shadows import light_collisions, light_surfaces
 from renderer.integrators.stages.scatter import scatter
-from renderer.kernels.jit import kernel, method_kernel
-from renderer.kernels.records.batch import has_places, square_of
-from renderer.scene_file.description import Integrator
-from renderer.scene_file.properties import Properties
-
-
-@kernel
-def _first_hits(scene, tile, sample, work):
-    """Trace the camera rays of a tile's squares; return how many there are."""
-    count = np.int64(0)
-    for number in range(tile.square, tile.square + tile.squares):
-        square = square_of(tile, number)
-        if has_places(square):
-            first = count
-            count = camera_rays(scene, square, sample, work, first)
-            groups = scene.camera_groups
-            intersect(groups, work.rays, work.hits, first, count - first, True, None)
-    return count
+from renderer.kernels.jit import method_kernel
 
 
 @method_kernel
 def trace_paths(scene, tile, sample, work):
     """Add the samples of a tile's squares to `work.radiance`."""
     rays, hits = work.rays, work.hits
-    count = _first_hits(scene, tile, sample, work)
+    count = camera_hits(scene, tile, sample, work)
     if scene.settings.max_depth < 1:
         return
     begin_in_medium(scene.media, work, count)
@@ -72,38 +55,19 @@ def trace_paths(scene, tile, sample, work):
         step += 1
 
 
-def _read(properties: Properties) -> Integrator:
-    return Integrator(
-        "volpath",
-        max_depth=properties.integer("max_depth", -1, at_least=-1, at_most=MOST),
-        rr_depth=properties.integer("rr_depth", 5, at_least=1, at_most=MOST),
-        hide_emitters=properties.boolean("hide_emitters", False),
-    )
-
-
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
-    depth = case.depth
     if case.reduce and not case.media and not case.straight:
         say("method", "path: without media, and surfaces that let shadow rays through")
         return PATH.decide(case, say)
     say("method", "volpath, as requested")
-    rr_depth = case.requested.rr_depth
-    return Decision(
-        "volpath",
-        depth,
-        roulette_depth=rr_depth if rr_depth < depth else None,
-        no_roulette=f"max_depth {depth} comes before rr_depth {rr_depth}",
-        mirrors=True,
-        follow=case.smooth,
-        random=True,
-    )
+    return whole_paths("volpath", case, mirrors=True, random=True)
 
 
 INTEGRATOR = IntegratorKind(
     "paths that participating media scatter and absorb on their way",
     trace_paths,
     _decide,
-    _read,
+    read_paths,
     described=("max_depth", "rr_depth"),
     sees_lights=True,
     scatters=True,

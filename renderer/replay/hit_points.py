@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer.replay.hits  # noqa: F401  (it implements `exact_hit`)
+from renderer.integrators.stages.surface import Previous, keep_previous_points
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.vectors import column, dot
 from renderer.plugins.shapes.registry import kind_of_shape
@@ -42,10 +43,6 @@ class Rounding(NamedTuple):
     end: int
     shapes: Any  # what Mitsuba has of the kind, see `exact_hit`
     instances: NDArray[np.float32]  # (24, n), see `instance_matrices`
-
-
-class Previous(NamedTuple):
-    """The record of `keep_previous_points`."""
 
 
 def hooks_of_hits(
@@ -105,14 +102,6 @@ def _round_normal(rows, i, a):
     if dot(column(rows, i), a) < _ZERO:
         a = -a
     _round(rows, i, a)
-
-
-@method_kernel
-def keep_previous_points(_, placements, rays, hits, order, count, points):
-    """Keep the exact position that each path came from."""
-    for i in range(count):
-        for c in range(3):
-            points.previous[c, i] = rays.previous[c, order[i]]
 
 
 @method_kernel

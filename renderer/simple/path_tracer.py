@@ -28,15 +28,20 @@ from renderer.simple.bsdfs import BsdfSample, Lobe
 from renderer.simple.camera import Ray, Vector, camera_ray
 from renderer.simple.lights import power_heuristic, sample_light
 from renderer.simple.materials import Material
-from renderer.simple.scene import Scene, closest_hit, emission, visible
+from renderer.simple.scene import (
+    BLOCKS_PER_BOUNCE,
+    Draw,
+    Scene,
+    closest_hit,
+    emission,
+    visible,
+)
 from renderer.simple.shapes import Hit
 from renderer.simple.volume_path import volpath_radiance
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
 # pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights
 Numbers = Callable[[int, int, int], Sequence[float]]
-Draw = Callable[[int], Sequence[float]]  # for one sample of one pixel
-BLOCKS_PER_BOUNCE = 1 << 20
 
 
 def numpy_numbers(pixel: int, sample: int, block: int) -> Sequence[float]:

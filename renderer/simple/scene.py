@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,8 @@ from renderer.simple.sky import Sky
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
 # fraction before its light.
 EPSILON = 1e-9
+BLOCKS_PER_BOUNCE = 1 << 20  # of four random numbers, see `path_tracer`
+Draw = Callable[[int], Sequence[float]]  # those of a block, for one sample of one pixel
 
 INTEGRATORS = ("path", "direct", "whitted", "volpath")
 # of a tree of rays: where the file gives no limit, and at most; the kernels' own
@@ -124,11 +126,11 @@ def _check(description: SceneDescription, name: str) -> None:
             if bsdf.plugin not in BSDFS:
                 possible = ", ".join(BSDFS)
                 refuse(f"bsdf {bsdf.plugin!r}; possible are {possible}", shape.location)
-            others = MeshAttributeTexture | VolumeTexture
-            if any(isinstance(t, others) for t in _textures(bsdf)):
-                possible = "bitmap and checkerboard"
-                what = "texture mesh_attribute or volume"
-                refuse(f"{what}; possible are {possible}", shape.location)
+            others = {MeshAttributeTexture: "mesh_attribute", VolumeTexture: "volume"}
+            for what in (others.get(type(t)) for t in _textures(bsdf)):
+                if what is not None:
+                    possible = "bitmap and checkerboard"
+                    refuse(f"texture {what}; possible are {possible}", shape.location)
         for bsdf in bsdfs if name == "whitted" else ():
             if not _has_all_branches(bsdf):
                 refuse(
@@ -147,22 +149,24 @@ def _check(description: SceneDescription, name: str) -> None:
 
 
 def _check_media(description: SceneDescription, refuse: Callable[..., None]) -> None:
-    """Refuse media that are not even, and what shadow rays go through but `null`."""
+    """Refuse media that vary, and what shadow rays go through but `null`."""
     shapes = description.shapes
-    media = [
-        description.camera.medium,
-        *(m for s in shapes for m in (s.interior, s.exterior)),
-    ]
-    for medium in filter(None, media):
+    media: list[tuple[Any, object]] = [(description.camera.medium, description.source)]
+    media += [(m, s.location) for s in shapes for m in (s.interior, s.exterior)]
+    for medium, where in media:
+        if medium is None:
+            continue
         if medium.plugin != "homogeneous" or isinstance(medium.albedo, GridVolume):
-            refuse("media that vary; possible are homogeneous ones of one colour")
+            refuse("media that vary; possible are homogeneous ones without grids", where)
         if medium.phase.plugin not in ("isotropic", "hg"):
-            refuse(f"phase {medium.phase.plugin!r}; possible are 'isotropic' and 'hg'")
+            possible = "'isotropic' and 'hg'"
+            refuse(f"phase {medium.phase.plugin!r}; possible are {possible}", where)
     for shape in shapes:
         for bsdf in _with_nested(shape.bsdf):
             through = bsdf.plugin in ("mask", "thindielectric", "blendbsdf")
             if through or (bsdf.plugin == "null" and bsdf is not shape.bsdf):
-                refuse(f"shadow rays through {bsdf.plugin!r}; possible is 'null'")
+                what = f"shadow rays through {bsdf.plugin!r}"
+                refuse(f"{what}; possible is 'null'", shape.location)
 
 
 def _with_nested(bsdf: Any) -> Iterator[Any]:

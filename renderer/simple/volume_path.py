@@ -1,16 +1,17 @@
 """Path tracing through homogeneous media, one ray at a time.
 
 A flight ends at the surface, or before it where it collides: after a distance t of density
-s exp(-s t), where s is the mean of the three sigma_t. What the three colours would have had
-instead of this density is the weight. The phase function takes the place of the BSDF, and a
-shadow ray is attenuated by exp(-sigma_t distance) in each medium on its way.
+s exp(-s t), where s is the sigma_t of one of the three colours, chosen at random. Its
+weight is what each colour has of that, over the mean of the three. The phase function
+takes the place of the BSDF, and a shadow ray is attenuated by exp(-sigma_t distance) in
+each medium on its way.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,15 +19,20 @@ import numpy as np
 from renderer.scene_file.description import Null
 from renderer.scene_file.media_description import HenyeyGreenstein
 from renderer.simple.bsdfs import BsdfSample, Lobe
-from renderer.simple.camera import Ray, Vector
+from renderer.simple.camera import Ray, Vector, orthonormal_basis
 from renderer.simple.lights import power_heuristic, sample_light
 from renderer.simple.materials import Material
-from renderer.simple.scene import Scene, closest_hit, emission
+from renderer.simple.scene import (
+    BLOCKS_PER_BOUNCE,
+    EPSILON,
+    Draw,
+    Scene,
+    closest_hit,
+    emission,
+)
 from renderer.simple.shapes import Hit
 
-BLOCKS_PER_BOUNCE = 1 << 20  # as in `path_tracer`
 FLIGHT = BLOCKS_PER_BOUNCE // 2  # block of a flight's numbers in those of its bounce
-Draw = Callable[[int], Sequence[float]]
 
 
 def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
@@ -42,9 +48,10 @@ def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         end = math.inf if hit is None else hit.t
         flight = math.inf
         if medium is not None:
-            rate = float(np.mean(sigma_t(medium)))
-            flight = -math.log(1.0 - draw(block + FLIGHT)[0]) / rate if rate else math.inf
-            throughput = throughput * _weight(medium, rate, min(flight, end), flight < end)
+            u, colour, _, _ = draw(block + FLIGHT)
+            rate = sigma_t(medium)[int(3.0 * colour)]
+            flight = -math.log(1.0 - u) / rate if rate else math.inf
+            throughput = throughput * _weight(medium, min(flight, end), flight < end)
         collides = flight < end
         if not collides:
             radiance += throughput * emission(scene, event, d, hit, came_by, share)
@@ -66,6 +73,8 @@ def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         u, v, choice, roulette = draw(block)
         chosen = scatterer.sample((u, v, choice))
         throughput, eta = throughput * chosen.weight, eta * chosen.eta
+        if not throughput.any():
+            return radiance
         if step + 1 >= scene.rr_depth:
             survival = min(throughput.max() * eta**2, 0.95)
             if roulette >= survival:
@@ -102,15 +111,12 @@ class Scatterer:
         if self.material is not None:
             return self.material.sample(numbers)
         x, y, _ = numbers
-        g, cosine = self.g, 2.0 * x - 1.0
-        if g:
-            q = (1.0 - g * g) / (1.0 - g + 2.0 * g * x)
-            cosine = (1.0 + g * g - q * q) / (2.0 * g)
+        g, c = self.g, 2.0 * x - 1.0
+        # that of isotropic light, c, by a formula that does not divide by g
+        cosine = c + g * (1.5 + 0.5 * c * c) + g * g * c + 0.5 * g**3 * (c * c - 1.0)
+        cosine /= (1.0 + g * c) ** 2
         sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-        axis = np.eye(3)[np.argmin(np.abs(self.d))]
-        s = np.cross(self.d, axis)
-        s /= np.linalg.norm(s)
-        t, phi = np.cross(self.d, s), 2.0 * math.pi * y
+        (s, t), phi = orthonormal_basis(self.d), 2.0 * math.pi * y
         across = s * math.cos(phi) + t * math.sin(phi)
         wi = self.d * cosine + across * sine
         return BsdfSample(wi, np.ones(3), self.eval_pdf(wi)[1], 1.0, Lobe.SMOOTH)
@@ -121,13 +127,19 @@ def sigma_t(medium: Any) -> Vector:
     return np.array(medium.sigma_t.rgb) * medium.scale
 
 
-def _weight(medium: Any, rate: float, distance: float, collides: bool) -> Vector:
+def passed_by(medium: Any, distance: float) -> Vector:
+    """Return exp(-sigma_t distance); 1 for sigma_t 0 at any distance."""
+    return np.array([math.exp(-s * distance) if s else 1.0 for s in sigma_t(medium)])
+
+
+def _weight(medium: Any, distance: float, collides: bool) -> Vector:
     """Return the throughput of a flight over the density with which it was chosen."""
-    sigma = sigma_t(medium)
-    if math.isinf(distance):
-        return np.where(sigma > 0.0, 0.0, 1.0)
-    passed = np.exp((rate - sigma) * distance)
-    return passed * sigma * np.array(medium.albedo.rgb) / rate if collides else passed
+    passed = passed_by(medium, distance)
+    if not collides:
+        return passed / passed.mean() if passed.any() else passed
+    density = (passed * sigma_t(medium)).mean()
+    weight: Vector = passed * sigma_t(medium) * np.array(medium.albedo.rgb) / density
+    return weight
 
 
 def behind(hit: Hit, d: Vector, medium: Any) -> Any:
@@ -163,12 +175,12 @@ def _light_of(
 def transmittance(scene: Scene, p: Vector, d: Vector, distance: float, medium: Any) -> Any:
     """Return what gets through from p to a distance; `null` surfaces are not in the way."""
     passed = np.ones(3)
-    rest = distance * (1.0 - 1e-9)
+    rest = distance * (1.0 - EPSILON)
     while True:
         hit = closest_hit(scene, p, d, 0.0, rest)
         length = rest if hit is None else hit.t
         if medium is not None:
-            passed = passed * np.exp(-sigma_t(medium) * length)
+            passed = passed * passed_by(medium, length)
         if hit is None:
             return passed
         if not isinstance(hit.surface.shape.bsdf, Null):

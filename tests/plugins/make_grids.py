@@ -38,8 +38,9 @@ def grid_file(numbers: np.ndarray, **changes: object) -> bytes:
     """Return a file; `changes` are what its header says instead of the truth."""
     nz, ny, nx, *channels = numbers.shape
     said = {"mark": b"VOL", "version": 3, "kind": 1, "nx": nx, "ny": ny, "nz": nz}
-    said |= {"channels": (*channels, 1)[0], **changes}
-    header = struct.pack("<3sB5i6f", *said.values(), 0, 0, 0, 1, 1, 1)
+    said |= {"channels": (*channels, 1)[0], "box": (0, 0, 0, 1, 1, 1), **changes}
+    box = said.pop("box")
+    header = struct.pack("<3sB5i6f", *said.values(), *box)
     return header + numbers.astype("<f4").tobytes()
 
 

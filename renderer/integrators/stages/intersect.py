@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.kernels.jit import call, kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
@@ -20,6 +21,7 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
+from renderer.kernels.records.batch import has_places, square_of
 from renderer.kernels.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
@@ -46,6 +48,23 @@ def intersect(groups, rays, hits, first, count, coherent, tally):
     way = CLOSEST_COHERENT if coherent else CLOSEST
     for k in range(groups.shape[0]):
         call(groups[k, way], groups[k, RECORD], (rays, hits, first, count, tally))
+
+
+@kernel
+def camera_hits(scene, tile, sample, work):
+    """Trace the camera rays of a tile's squares; return how many there are.
+
+    Those of a square are neighbours and go together.
+    """
+    count = np.int64(0)
+    for number in range(tile.square, tile.square + tile.squares):
+        square = square_of(tile, number)
+        if has_places(square):
+            first = count
+            count = camera_rays(scene, square, sample, work, first)
+            groups = scene.camera_groups
+            intersect(groups, work.rays, work.hits, first, count - first, True, None)
+    return count
 
 
 @kernel

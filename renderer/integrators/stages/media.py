@@ -6,13 +6,11 @@ becomes a point of `MediaWork.collisions`, where a phase function stands for the
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.scatter import largest, survive
-from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.jit import call, kernel
 from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
@@ -44,18 +42,6 @@ from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, TWO_P
 
 # The numbers of a flight, behind those of the lights of the same bounce.
 FLIGHT_BLOCK = BLOCKS_PER_BOUNCE // 2
-
-
-class KeptPoints(NamedTuple):
-    """The record of `keep_previous`; it holds nothing."""
-
-
-@method_kernel
-def keep_previous(_, placements, rays, hits, order, count, points):
-    """Keep for each surface point where its path has been scattered last."""
-    for i in range(count):
-        for c in range(3):
-            points.previous[c, i] = rays.previous[c, order[i]]
 
 
 @kernel

@@ -16,7 +16,12 @@ from renderer.integrators.stages.direct_light import (
 from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.materials import prepare_bsdfs
 from renderer.integrators.stages.media import FLIGHT_BLOCK, medium_behind
-from renderer.integrators.stages.surface import append_hits, local_wo, surface_points
+from renderer.integrators.stages.surface import (
+    append_hits,
+    leave_surface,
+    local_wo,
+    surface_points,
+)
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     fabs,
@@ -32,7 +37,6 @@ from renderer.kernels.lanes.vectors import (
     load3,
     select3,
     store3,
-    vec3,
 )
 from renderer.kernels.records.batch import Workspace
 from renderer.kernels.records.kernel_scene import (
@@ -156,13 +160,8 @@ def _arrive(work, count):
 def _pass_surfaces(scene, walk, count):
     """Go on behind surfaces that let light through; return how many rays do."""
     bsdfs, media, state = scene.bsdfs, scene.media, walk.media
-    rays, hits, points, order, ends = (
-        walk.rays,
-        walk.hits,
-        walk.points,
-        walk.order,
-        walk.ends,
-    )
+    rays, hits, points = walk.rays, walk.hits, walk.points
+    order, ends = walk.order, walk.ends
     first = np.int64(0)
     ends[0] = 0
     for kind in range(bsdfs.methods.shape[0]):
@@ -184,31 +183,31 @@ def _pass_surfaces(scene, walk, count):
                 bsdfs.methods[kind, RECORD],
                 (points, ends[kind], ends[kind + 1]),
             )
-    for i in range(total):  # from the ray's number to that of its shadow ray
-        order[i] = rays.point[order[i]]
-    end = first
     for i in range(total):
-        throughput = column(points.throughput, i)
-        some = abs(throughput.x) + abs(throughput.y) + abs(throughput.z)
-        if points.bsdf[i] < 0 or not some > np.float32(0.0):
+        k = rays.point[order[i]]
+        order[i] = k  # the shadow ray's number, in place of the ray's
+        if points.bsdf[i] < 0:  # the hit stands in the list of another kind, too
             continue
-        k = order[i]
-        normal, wo = column(points.normal, i), column(points.wo, i)
-        side = -points.offset[i] if dot(normal, wo) > np.float32(0.0) else points.offset[i]
-        origin = column(points.position, i) + normal * side
-        rays.origin[0, end], rays.origin[1, end] = origin.x, origin.y
-        rays.origin[2, end] = origin.z
-        direction = vec3(-wo.x, -wo.y, -wo.z)
-        rays.direction[0, end], rays.direction[1, end] = direction.x, direction.y
-        rays.direction[2, end] = direction.z
-        for c in range(3):
-            rays.throughput[c, end] = points.throughput[c, i]
-        rays.slot[end], rays.point[end] = points.slot[i], k
         state.rest[k] -= points.t[i]
         state.inside[k] = medium_behind(
-            media, points.shape[i], normal, direction, state.inside[k]
+            media,
+            points.shape[i],
+            column(points.normal, i),
+            -column(points.wo, i),
+            state.inside[k],
         )
-        end += 1
+    end = first
+    for i in range(0, total, 16):
+        throughput = load3(points.throughput, i)
+        some = fabs(throughput.x) + fabs(throughput.y) + fabs(throughput.z) > 0.0
+        on = first_lanes(total - i) & (load_row(points.bsdf, 0, i) >= 0) & some
+        direction = -load3(points.wo, i)
+        append3(rays.origin, end, leave_surface(points, i, direction), on)
+        append3(rays.direction, end, direction, on)
+        append3(rays.throughput, end, throughput, on)
+        append_row(rays.slot, 0, end, load_row(points.slot, 0, i), on)
+        append_row(rays.point, 0, end, load_row(order, 0, i), on)
+        end += popcount(mask_bits(on))
     return end
 
 

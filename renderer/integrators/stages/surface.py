@@ -368,6 +368,18 @@ def _place(placements, settings, hits, order, count, points):
         store_row(points.offset, 0, i, place.offset * per_rounding + unlike_rounding)
 
 
+class Previous(NamedTuple):
+    """The record of `keep_previous_points`; it holds nothing."""
+
+
+@method_kernel
+def keep_previous_points(_, placements, rays, hits, order, count, points):
+    """Keep the exact position that each path comes from."""
+    for i in range(count):
+        for c in range(3):
+            points.previous[c, i] = rays.previous[c, order[i]]
+
+
 @kernel
 def surface_points(scene, rays, hits, order, count, points):
     """Fill in the surfaces of the first `count` points that `append_hits` gave."""

@@ -55,9 +55,10 @@ def tables() -> dict[str, Array]:
 
     sky_parameters (10, 2 albedos, 6 points of a curve over elevation, 3 channels, 9),
     sky_radiance (10, 2, 6, 3), sun_radiance (10, 45 segments, 3, 4 powers of the elevation,
-    6 of the cosine to the sun's surface), and by 30 elevations from 2 degrees on: sky_power
-    and sun_power (10, 30), luminance over all directions; sun_rgb (10, 30, 3), irradiance;
-    warp (10, 30, 5).
+    6 of the cosine to the sun's surface), and by 30 elevations: sky_power and sun_power
+    (10, 30), luminance over all directions; sun_rgb (10, 30, 3), irradiance; warp
+    (10, 30, 5). Mitsuba looks up the last one as from 2 to 88 degrees in equal steps, and
+    the others in steps of 3 degrees from 2 on.
     """
     with np.load(Path(__file__).with_name("sunsky.npz")) as file:
         return {name: file[name].astype(np.float64) for name in file.files}
@@ -88,7 +89,8 @@ def make_sky(light: SunSky) -> Sky:
         albedo = np.reshape(light.albedo, (3, *(1,) * (dark.ndim - 2)))
         return np.tensordot(curve, dark + (bright - dark) * albedo, 1)
 
-    step = (math.degrees(elevation) - 2.0) / 3.0
+    degrees = math.degrees(elevation)
+    step, warp_step = (degrees - 2.0) / 3.0, 29.0 * (degrees - 2.0) / 86.0
     sky_power = light.sky_scale * float(between(of_turbidity["sky_power"], step))
     sun_power = light.sun_scale * float(between(of_turbidity["sun_power"], step))
     cosine, real = half_cosine(light.sun_aperture), half_cosine(APERTURE)
@@ -106,7 +108,7 @@ def make_sky(light: SunSky) -> Sky:
         of_turbidity["sun_radiance"] * sun_scale,
         cosine,
         sky_power / both if both > 0.0 else 0.0,
-        between(of_turbidity["warp"], 29.0 * (math.degrees(elevation) - 2.0) / 86.0),
+        between(of_turbidity["warp"], warp_step),
         risen * (sky_power + sun_power) * _SUN_TO_RGB / _Y / (4.0 * math.pi),
     )
 

@@ -38,10 +38,10 @@ class Moment(NamedTuple):
 def sun_at(when: Moment) -> NDArray[np.float64]:
     """Return the direction to the sun: +x where it is at noon in the north, morning at -y.
 
-    The formulas of [BlancoMuriel2001] in single precision, with the sums that are fused in
+    The formulas of [BlancoMuriel2001] in single precision, with the fused multiply-adds of
     Mitsuba's wheels. There the Julian date moves in steps of a quarter of a day, which
-    turns the sun by up to 8e-4. Of 300 dates the median is off its direction by 2e-7, the
-    worst, where a sine rounds another way, by 1.5e-5.
+    moves the unit vector by up to 8e-4. Of 300 dates the median is off its direction by
+    2e-7, the worst, where a sine rounds another way, by 1.5e-5.
     """
     f = np.float32
     hours = f(when.hour) - f(when.timezone)

@@ -78,7 +78,7 @@ def read(properties: Any) -> SunSky:
     to_world = read_rotation(properties)
     aperture = properties.number("sun_aperture", 0.5358, above=0.0, at_most=179.99)
     if half_cosine(aperture) == 1.0:
-        found = f"{aperture:g}, at which single precision knows no solid angle"
+        found = f"{aperture:g}, whose solid angle is 0 in single precision"
         properties.fail("sun_aperture", found, "at least 0.028 degrees")
     scales = {"at_least": 0.0, "at_most": _MOST_SCALE}
     light = SunSky(

@@ -6,6 +6,7 @@ A polynomial is an array (4, 4): of 1, s, s^2, s^3 the point x, y, z and the rad
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ Doubles = NDArray[np.float64]
 # Pieces reach this far (in their s) over their ends, so that rounding leaves no gap.
 OVERLAP = np.float32(1e-4)
 _BEND = 0.25  # radians that a piece may turn
-_OFF_CHORD = 0.5  # radii that it may be off its chord
+_OFF_CHORD = 0.5  # of the segment's largest radius, that it may be off its chord
+OFF_2, OFF_3 = 0.25, 0.4  # at least the largest s - s^2, and the largest s - s^3
 _SLENDER, _FEW = 16.0, 4  # straight ones are cut into up to 4 of 16 radii for smaller boxes
 _MOST = 64  # pieces of a segment
 _PLACES = np.linspace(0.0, 1.0, 9)  # where the direction of a segment is looked at
@@ -35,8 +37,17 @@ def segment_polynomials(shape: BsplineCurve) -> Doubles:
     return np.asarray(_POWERS @ shape.points[points].astype(np.float64))
 
 
-def piece_counts(segments: Doubles) -> NDArray[np.int64]:
-    """Return into how many pieces each segment is cut, (n,)."""
+_COUNTS: WeakKeyDictionary[BsplineCurve, NDArray[np.int64]] = WeakKeyDictionary()
+
+
+def piece_counts(shape: BsplineCurve) -> NDArray[np.int64]:
+    """Return into how many pieces each segment is cut, (n,), found once for a shape."""
+    if shape not in _COUNTS:
+        _COUNTS[shape] = _count(segment_polynomials(shape))
+    return _COUNTS[shape]
+
+
+def _count(segments: Doubles) -> NDArray[np.int64]:
     c1, c2, c3 = (segments[:, k, :3] for k in (1, 2, 3))
     s = _PLACES[:, None, None]
     slopes = c1 + s * (2.0 * c2 + s * 3.0 * c3)  # (places, n, 3)
@@ -45,7 +56,7 @@ def piece_counts(segments: Doubles) -> NDArray[np.int64]:
         slopes /= np.linalg.norm(slopes, axis=2, keepdims=True)
         cosines = np.clip((slopes[1:] * slopes[:-1]).sum(axis=2), -1.0, 1.0)
         bend = np.arccos(cosines).sum(axis=0) / _BEND
-        off = 0.25 * np.linalg.norm(c2, axis=1) + 0.4 * np.linalg.norm(c3, axis=1)
+        off = OFF_2 * np.linalg.norm(c2, axis=1) + OFF_3 * np.linalg.norm(c3, axis=1)
         off = np.sqrt(off / (_OFF_CHORD * thick))
         chord = np.linalg.norm(c1 + c2 + c3, axis=1) / (_SLENDER * thick)
         needed = np.ceil(np.maximum(np.maximum(bend, off), np.minimum(chord, _FEW)))
@@ -55,8 +66,8 @@ def piece_counts(segments: Doubles) -> NDArray[np.int64]:
     )
 
 
-def piece_polynomials(segments: Doubles) -> tuple[NDArray[np.float32], Doubles]:
-    """Cut segments.
+def piece_polynomials(shape: BsplineCurve) -> tuple[NDArray[np.float32], Doubles]:
+    """Cut the segments of a shape.
 
     Returns
     -------
@@ -65,7 +76,7 @@ def piece_polynomials(segments: Doubles) -> tuple[NDArray[np.float32], Doubles]:
     places
         v of the whole shape where each piece begins, and how far it runs, (n, 2).
     """
-    counts = piece_counts(segments)
+    counts, segments = piece_counts(shape), segment_polynomials(shape)
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     width = 1.0 / counts[owner]

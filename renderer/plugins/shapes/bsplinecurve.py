@@ -9,8 +9,11 @@ derivatives, at which the ray enters. That converges cubically, and rays that pa
 stop at the least g, above 0. [Reshetov2018] goes along the curve in place of the ray, where
 both roots of a thin tube that is met across are in one place.
 
-Each segment of a curve is cut into pieces that bend by less than 15 degrees and leave their
-chord by less than half a radius, so that a ray enters none twice. Each is a primitive.
+Each segment of a curve is cut into pieces, up to 64, that bend by less than 15 degrees and
+leave their chord by less than half of the segment's largest radius, so that a ray enters
+none twice. Each is a primitive. A tube that is thicker than its bend is round crosses
+itself there, and some hits inside of the bend are lost: of rays at a bend of Mitsuba's
+example 0.07 % where the radius is 0.5, none at 0.3.
 """
 
 from __future__ import annotations
@@ -27,11 +30,12 @@ from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import cross, dot, length, vec3
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
 from renderer.plugins.shapes.bspline_pieces import (
+    OFF_2,
+    OFF_3,
     OVERLAP,
     extents,
     piece_counts,
     piece_polynomials,
-    segment_polynomials,
 )
 from renderer.plugins.shapes.curves import (
     CurveSurfaces,
@@ -53,9 +57,8 @@ _TWO, _THREE, _SIX = np.float32(2.0), np.float32(3.0), np.float32(6.0)
 _HALF = np.float32(0.5)
 _STEPS = 5
 _NEWTON_STEPS = 8  # from a point next to the surface to its place along the curve
-_FARTHEST = np.float32(
-    8.0
-)  # that s may be from a piece, whose own s are 0 to 1, on the way
+# How far s may be from a piece, whose own s are 0 to 1, on the way.
+_FARTHEST = np.float32(8.0)
 _STEEPEST = np.float32(0.05)  # of |c'|^2: beyond it a point is next to the centre of a bend
 _CONVERGED = np.float32(0.02)  # the last step, in radii; the error is its cube
 _CLOSE = np.float32(1.001)
@@ -87,10 +90,21 @@ class Local(NamedTuple):
 
 
 @kernel
+def _from_start(piece, s):
+    """Return the curve's point at s, seen from the start of the piece."""
+    return (piece.c1 + (piece.c2 + piece.c3 * s) * s) * s
+
+
+@kernel
+def _slope(piece, s):
+    return piece.c1 + (piece.c2 * _TWO + piece.c3 * (_THREE * s)) * s
+
+
+@kernel
 def _at(piece, x, s):
     """Return what is known at s of a point x, which is seen from the start of the piece."""
-    q = x - (piece.c1 + (piece.c2 + piece.c3 * s) * s) * s
-    slope = piece.c1 + (piece.c2 * _TWO + piece.c3 * (_THREE * s)) * s
+    q = x - _from_start(piece, s)
+    slope = _slope(piece, s)
     bend = piece.c2 * _TWO + piece.c3 * (_SIX * s)
     radius = piece.r0 + (piece.r1 + (piece.r2 + piece.r3 * s) * s) * s
     growth = piece.r1 + (_TWO * piece.r2 + _THREE * piece.r3 * s) * s
@@ -163,11 +177,10 @@ def hit_piece(piece, origin, direction, t_max):
     gap = base - chord * s
     zero = start * ZERO
     # what a cubic on [0, 1] is off the line between its ends
-    off_chord = np.float32(0.25) * length(piece.c2) + np.float32(0.4) * length(piece.c3)
+    off_2, off_3 = np.float32(OFF_2), np.float32(OFF_3)
+    off_chord = off_2 * length(piece.c2) + off_3 * length(piece.c3)
     thickest = maximum(piece.r0, piece.r0 + piece.r1 + piece.r2 + piece.r3)
-    thickest = (
-        thickest + np.float32(0.25) * fabs(piece.r2) + np.float32(0.4) * fabs(piece.r3)
-    )
+    thickest = thickest + off_2 * fabs(piece.r2) + off_3 * fabs(piece.r3)
     reach = (thickest + off_chord) * _CLOSE
     close = dot(gap, gap) <= reach * reach
     if not any_of(close):
@@ -225,8 +238,7 @@ def _point_on_piece(pieces, index, mask, u, v, hit_point, with_uv):
     outwards = unit_or(here.q - axis * dot(here.q, axis), upwards(v))
     normal = outwards * here.steepness - here.slope * here.growth
     normal = unit_or(normal, outwards)
-    from_start = (piece.c1 + (piece.c2 + piece.c3 * v) * v) * v
-    position = piece.c0 + from_start + outwards * here.radius
+    position = piece.c0 + _from_start(piece, v) + outwards * here.radius
     size = magnitude(piece.c0) + magnitude(piece.c1) + magnitude(piece.c2)
     offset = (size + magnitude(piece.c3) + here.radius) * ROUNDING
     angle, along = v, v
@@ -240,9 +252,7 @@ def _point_on_piece(pieces, index, mask, u, v, hit_point, with_uv):
 @kernel
 def _tangent_of_piece(pieces, index, mask, u, v, normal):
     """Return the way around the curve."""
-    piece = _gather_piece(pieces, index, mask)
-    slope = piece.c1 + (piece.c2 * 2.0 + piece.c3 * (3.0 * v)) * v
-    return cross(slope, normal)
+    return cross(_slope(_gather_piece(pieces, index, mask), v), normal)
 
 
 class AlongPieces(NamedTuple):
@@ -268,7 +278,10 @@ def _derivatives(shapes, index, mask, position):
     around = cross(axis, outwards)
     binormal = cross(here.slope, here.bend)
     square, speed = dot(binormal, binormal), length(here.slope)
-    bent = sqrt(square) > speed * speed * speed * np.float32(2.0**-24)
+    # A bend is more than what the roundings of control points make of a straight curve.
+    # The parts of c'', and not their sum, say how large these are.
+    parts = length(piece.c2) * _TWO + length(piece.c3) * _SIX
+    bent = sqrt(square) > speed * parts * np.float32(2.0**-16)
     # the torsion times |c'|; straight curves have none
     turn = dot(piece.c3 * 6.0, binormal) * speed / select(bent, square, 1.0)
     turn = select(bent, turn, 0.0)
@@ -286,7 +299,7 @@ def _derivatives(shapes, index, mask, position):
 def read(properties: Any, common: dict[str, Any]) -> BsplineCurve:
     """Read the properties of a file."""
     shape = read_curves(properties, common, BsplineCurve, 4)
-    count = int(piece_counts(segment_polynomials(shape)).sum())
+    count = int(piece_counts(shape).sum())
     what = f"{properties.location}: {properties.element} of {count} pieces"
     memory.require(_BYTES_A_PIECE * count, what)
     return shape
@@ -294,7 +307,7 @@ def read(properties: Any, common: dict[str, Any]) -> BsplineCurve:
 
 def surfaces(shapes: list[BsplineCurve], first: int) -> BsplinePieces:
     """Return the pieces of shapes with primitive ids from `first` on."""
-    made = [piece_polynomials(segment_polynomials(shape)) for shape in shapes]
+    made = [piece_polynomials(shape) for shape in shapes]
     numbers = [polynomials.reshape(-1, 16) for polynomials, _ in made]
     table: BsplinePieces = record(BsplinePieces, first, numbers, [p for _, p in made])
     return table
@@ -302,7 +315,7 @@ def surfaces(shapes: list[BsplineCurve], first: int) -> BsplinePieces:
 
 def _faces(shape: BsplineCurve) -> NDArray[np.int64]:
     """Return the segment that each piece is of."""
-    counts = piece_counts(segment_polynomials(shape))
+    counts = piece_counts(shape)
     return np.repeat(np.arange(len(counts)), counts)
 
 

@@ -1,7 +1,7 @@
 """What both kinds of curves share: how they are read, their tables, the angle around them.
 
-Only surfaces that face a ray are met, as in Mitsuba, whose Embree leaves out the others.
-So a ray that starts inside of a curve leaves it without a hit: glass is left unrefracted.
+Only front faces are hit, as in Mitsuba, whose Embree culls the back faces of curves. So a
+ray that starts inside of a curve leaves it without a hit: glass is left unrefracted.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from renderer.accelerators.choice import USUAL_RAYS, choose_structures
 from renderer.integrators.kind import NO_LIMIT
 from renderer.integrators.stages.camera_rays import fill_rays
 from renderer.integrators.stages.emission import CausticMarks, mark_caustics
-from renderer.integrators.stages.media import KeptPoints, keep_previous
+from renderer.integrators.stages.surface import Previous, keep_previous_points
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
@@ -193,7 +193,7 @@ class _SceneTables:
         if not plan.caustics:  # a plan for a replay has them
             hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks())
         if plan.kind.media:
-            hooks.append((keep_previous, KeptPoints()))
+            hooks.append((keep_previous_points, Previous()))
         self.record = KernelScene(
             groups,
             camera_groups,

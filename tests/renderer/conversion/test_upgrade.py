@@ -195,6 +195,14 @@ def test_a_sky_or_a_sun_is_half_a_sunsky_whose_y_is_up(tmp_path, plugin, scaled,
     assert len(dropped) == 2 and "stretch" in dropped[0] and "sunRadius" in dropped[1]
 
 
+def test_of_a_sky_and_a_sun_the_second_is_left(tmp_path):
+    """Mitsuba 0.6 had one of each; a sunsky is both, and an environment."""
+    both = SKY.format("sky", "") + SKY.format("sun", "")
+    _, changes = upgraded(write(tmp_path / "old.xml", scene(both)))
+    (left,) = (change for change in changes if change.kind == LEFT)
+    assert left.before == 'emitter "sun"'
+
+
 @pytest.mark.parametrize("empty", [False, True])
 def test_a_sky_by_date_keeps_its_compass(tmp_path, empty):
     """At noon the sun stands in the south, which was +z; in the morning in the east, +x."""

@@ -227,7 +227,10 @@ def test_what_cannot_be_is_one_line():
         (number("sky_scale", -1), "found -1, expected at least 0"),
         (number("sun_scale", 1e30), "at most 1e+20"),
         (number("sun_aperture", 180), "at most 179.99"),
-        (number("sun_aperture", 0.01), "knows no solid angle, expected at least 0.028"),
+        (
+            number("sun_aperture", 0.01),
+            "whose solid angle is 0 in single precision, expected at least 0.028",
+        ),
         (number("hour", 25), "found 25, expected at least 0 and at most 24"),
         (number("month", 13, "integer"), "found 13, expected at least 1 and at most 12"),
         (number("day", 3.5), "a value of type float, expected integer"),

@@ -44,6 +44,14 @@ def camera(fov=20.0, size=4, spp=64, distance=5.0, **more):
     }
 
 
+def parallel(half, spp):
+    """Return a camera that sees a square of twice `half`, head-on."""
+    sensor = camera(spp=spp) | {"type": "orthographic"}
+    del sensor["fov"]
+    sensor["to_world"] = sensor["to_world"] @ np.diag([half, half, 1.0, 1.0])
+    return sensor
+
+
 def described(inside, *, depth=-1, light=SKY, shape=None, more=None, spp=64, **sensor):
     shape = shape or {"type": "cube", "bsdf": NULL}
     return renderer.load_dict(
@@ -108,16 +116,9 @@ CUBE = scaled(2.0, at=(-1.0, -1.0, -1.0))  # from the unit cube to [-1, 1]^3
 @pytest.mark.parametrize("sigma", [0.5, (0.9, 0.3, 0.0)])
 def test_what_absorbs_lets_an_exponential_through(sigma):
     """A slab of thickness 2, seen head-on by an orthographic camera."""
-    sensor = camera(spp=256) | {"type": "orthographic", "to_world": _front(0.5)}
-    del sensor["fov"]
+    sensor = parallel(0.5, spp=256)
     scene = described(homogeneous(sigma), more={"sensor": sensor})
     assert_mean(pixels(scene), np.exp(-2.0 * np.broadcast_to(sigma, 3)))
-
-
-def _front(half):
-    to_world = np.diag([-half, half, -1.0, 1.0])
-    to_world[2, 3] = 5.0
-    return to_world
 
 
 @pytest.mark.parametrize("wrap", ["clamp", "repeat", "mirror"])
@@ -127,8 +128,7 @@ def test_a_grid_attenuates_by_its_integral(wrap, filter_type):
     values = np.array([1.0, 3.0]).reshape(2, 1, 1, 1)
     medium = grid(values, CUBE, 0.4, albedo=0.0)
     medium["sigma_t"] |= {"wrap_mode": wrap, "filter_type": filter_type}
-    sensor = camera(spp=256) | {"type": "orthographic", "to_world": _front(0.5)}
-    del sensor["fov"]
+    sensor = parallel(0.5, spp=256)
     scene = described(medium, more={"sensor": sensor})
     z = (np.arange(20000) + 0.5) / 20000
     place = z * 2 - 0.5
@@ -142,8 +142,7 @@ def test_colours_of_a_grid_have_transmittances_of_their_own():
     values = np.array([0.2, 1.0, 0.0, 0.8, 0.4, 0.6]).reshape(2, 1, 1, 3)
     medium = grid(values, CUBE, albedo=0.0)
     medium["sigma_t"]["filter_type"] = "nearest"
-    sensor = camera(spp=512) | {"type": "orthographic", "to_world": _front(0.5)}
-    del sensor["fov"]
+    sensor = parallel(0.5, spp=512)
     scene = described(medium, more={"sensor": sensor})
     assert_mean(pixels(scene), np.exp(-values.reshape(2, 3).sum(axis=0)))
 
@@ -242,8 +241,7 @@ def test_the_boundary_that_was_crossed_last_decides(inner, expected):
     """A cube of thickness 2 around one of thickness 1; `expected` is the optical depth."""
     media = {name: homogeneous(sigma) for name, sigma in inner.items()}
     small = {"type": "cube", "to_world": scaled(0.5), "bsdf": NULL, **media}
-    sensor = camera(spp=64) | {"type": "orthographic", "to_world": _front(0.2)}
-    del sensor["fov"]
+    sensor = parallel(0.2, spp=64)
     scene = described(homogeneous(1.0), more={"sensor": sensor, "inner": small})
     assert_mean(pixels(scene), np.full(3, np.exp(-expected)))
 
@@ -360,3 +358,15 @@ def test_the_simple_path_tracer_finds_the_same_light(shape):
     both = [part.reshape(len(part), -1, 3).mean(axis=1) for part in (fast, slow)]
     error = np.sqrt(sum(m.var(axis=0, ddof=1) / len(m) for m in both))
     assert (np.abs(both[0].mean(axis=0) - both[1].mean(axis=0)) <= 6.0 * error).all()
+
+
+def test_a_colour_that_nothing_absorbs_sees_the_sky_in_the_simple_path_tracer():
+    """Without an end of the medium the other two are black: closest to 0 times infinity."""
+    fog = homogeneous((0.0, 0.5, 0.5), 0.5)
+    scene = described(fog, medium=fog, shape=FLOOR, size=3)
+    picture = path_tracer.render(scene.description, 96).reshape(-1, 3)
+    assert np.isfinite(picture).all()
+    # each sample is 3 or 0 by one third: the mean of 864 is known to 0.05
+    assert picture.mean(axis=0)[0] == pytest.approx(1.0, abs=0.25)
+    fast = pixels(scene, seeds=4).mean(axis=(0, 1, 2))
+    np.testing.assert_allclose(picture.mean(axis=0), fast, atol=0.25)

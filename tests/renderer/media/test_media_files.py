@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import struct
-
 import numpy as np
 import pytest
+from plugins.make_grids import grid_file
 from scene_file_samples import error_of, ours
 from scene_xml import props, tag
 
@@ -82,32 +81,26 @@ def test_media_that_are_wrong(case):
 # ------------------------------------------------------------------------------ files
 
 
-def volume_bytes(values, box=(0, 0, 0, 1, 1, 1), kind=1, version=3, counts=None):
-    z, y, x, channels = counts or values.shape
-    header = struct.pack("<3sB5i6f", b"VOL", version, kind, x, y, z, channels, *box)
-    return header + values.astype("<f4").tobytes()
-
-
 VALUES = np.arange(24, dtype=np.float32).reshape(2, 3, 4, 1)
 
 
 def test_a_file_is_read_as_it_is_written(tmp_path):
-    (tmp_path / "a.vol").write_bytes(volume_bytes(VALUES, (-1, 0, 1, 3, 2, 5)) + b"rest")
+    (tmp_path / "a.vol").write_bytes(grid_file(VALUES, box=(-1, 0, 1, 3, 2, 5)) + b"rest")
     values, box = read_channels(tmp_path / "a.vol")
     np.testing.assert_array_equal(values, VALUES)
     np.testing.assert_array_equal(box, [[-1, 0, 1], [3, 2, 5]])
 
 
 DAMAGED = {
-    "another format": (b"NOT" + volume_bytes(VALUES)[3:], "begins with b'NOT'"),
-    "another version": (volume_bytes(VALUES, version=2), "version 2"),
-    "half floats": (volume_bytes(VALUES, kind=2), "has numbers of type 2"),
-    "short": (volume_bytes(VALUES)[:-1], "there are 23 numbers"),
-    "a lie": (volume_bytes(VALUES, counts=(1 << 30,) * 4), "promises"),
-    "nothing": (volume_bytes(VALUES, counts=(0, 3, 4, 1)), "1 or more of each"),
-    "a negative count": (volume_bytes(VALUES, counts=(-2, -3, 4, 1)), "1 or more of each"),
+    "another format": (b"NOT" + grid_file(VALUES)[3:], "begins with b'NOT'"),
+    "another version": (grid_file(VALUES, version=2), "version 2"),
+    "half floats": (grid_file(VALUES, kind=2), "has numbers of type 2"),
+    "short": (grid_file(VALUES)[:-1], "there are 23 numbers"),
+    "a lie": (grid_file(VALUES, nx=1 << 30, ny=1 << 30), "promises"),
+    "nothing": (grid_file(VALUES, nz=0), "1 or more of each"),
+    "a negative count": (grid_file(VALUES, ny=-3, nz=-2), "1 or more of each"),
     "no header": (b"VOL\3", "has 4 bytes"),
-    "not a number": (volume_bytes(VALUES * np.nan), "has nan at x 0, y 0, z 0"),
+    "not a number": (grid_file(VALUES * np.nan), "has nan at x 0, y 0, z 0"),
 }
 
 
@@ -121,7 +114,7 @@ def test_damaged_files_are_one_error_that_names_them(case, tmp_path):
 
 
 def test_every_prefix_of_a_file_is_refused_or_read(tmp_path):
-    whole = volume_bytes(VALUES)
+    whole = grid_file(VALUES)
     for length in range(len(whole)):
         (tmp_path / "a.vol").write_bytes(whole[:length])
         with pytest.raises(SceneError):
@@ -129,7 +122,7 @@ def test_every_prefix_of_a_file_is_refused_or_read(tmp_path):
 
 
 def test_a_grid_with_its_box(tmp_path):
-    (tmp_path / "a.vol").write_bytes(volume_bytes(VALUES, (-1, -1, -1, 3, 3, 3)))
+    (tmp_path / "a.vol").write_bytes(grid_file(VALUES, box=(-1, -1, -1, 3, 3, 3)))
     text = medium(
         '<volume type="gridvolume" name="sigma_t">'
         + props(filename=str(tmp_path / "a.vol"))

@@ -16,8 +16,13 @@ from agreement import assert_same_hits
 from kernel_probes import accelerator, closest, directions, kernel_inputs, look, unit
 
 import renderer
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.lanes.functions import first_lanes
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import load3, store3
 from renderer.plugins.shapes.bspline_pieces import segment_polynomials
 from renderer.plugins.shapes.registry import SHAPES
+from renderer.plugins.shapes.uv import uv_derivatives
 from renderer.scene_file.description import BsplineCurve, Diffuse, LinearCurve
 
 
@@ -229,6 +234,49 @@ def test_degenerate_curves_are_met_nowhere_or_finitely(kind):
         met = found.prim >= 0
         assert np.isfinite(found.t[met]).all() and np.isfinite(found.v[met]).all()
         assert c.any() or not met.any()
+
+
+@entry_kernel
+def derive(shapes, prim, position, du, dv):
+    for i in range(0, prim.size, 16):
+        k, p = load_row(prim, 0, i), load3(position, i)
+        a, b = uv_derivatives(shapes, k, first_lanes(16), p)
+        store3(du, i, a)
+        store3(dv, i, b)
+
+
+def turn_by_v(points, scale):
+    """Return the part of dp/dv around the curve over that along it, at 256 points."""
+    curve = rows(points, 4) * np.float32(scale)
+    surfaces = table("bspline_pieces", curve)
+    shape = BsplineCurve(bsdf=Diffuse(), points=curve, starts=np.zeros(1, np.int64))
+    shapes = pack(SHAPES["bspline_pieces"].derivatives_of(surfaces, [shape]))
+    rng = np.random.default_rng(1)
+    prim = rng.integers(0, surfaces.end, 256).astype(np.int32)
+    powers = surfaces.numbers[:, prim].astype(float).reshape(4, 4, -1)
+    s = rng.random(256) ** np.arange(4)[:, None]
+    c = np.einsum("kcn,kn->nc", powers, s)
+    slope = np.einsum("kcn,kn->nc", powers[1:], np.arange(1, 4)[:, None] * s[:3])
+    axis = unit(slope[:, :3])
+    out = unit(np.cross(axis, rng.normal(size=(256, 3))))
+    position = np.ascontiguousarray((c[:, :3] + c[:, 3:] * out).T, np.float32)
+    du, dv = np.zeros((2, 3, 256), np.float32)
+    derive(shapes, prim, position, du, dv)
+    around = (dv.T * np.cross(axis, out)).sum(axis=1)
+    return around / (dv.T * axis).sum(axis=1)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-4, 1e-2, 1.0, 1e4, 1e8])
+def test_a_circle_turns_with_a_bent_curve_alone_whatever_its_size(scale):
+    """A straight curve, askew and of uneven steps, and one with a torsion."""
+    straight = "  ".join(
+        f"{0.3 * x} {0.5 * x} {0.7 * x} 0.05" for x in (-1, 0, 1.3, 2.1, 3.7, 4.1)
+    )
+    assert np.abs(turn_by_v(straight, scale)).max() < 1e-5
+    bent = "-1 0 0 .02  0 1 .2 .02  1 0 .4 .02  2 1 0 .02  3 0 0 .02"
+    turns = np.abs(turn_by_v(bent, 1.0))
+    np.testing.assert_allclose(np.abs(turn_by_v(bent, scale)), turns, rtol=2e-2, atol=1e-4)
+    assert np.median(turns) > 1e-3
 
 
 @every_kind
