@@ -46,12 +46,12 @@ def trace_paths(scene, tile, sample, work):
         light_surfaces(scene, tile, sample, step, work)
         light_collisions(scene, tile, sample, step, work, collisions)
         count = scatter(scene, tile, sample, step, work)
-        count = leave_surfaces(scene, work, count)
+        count = leave_surfaces(scene, work, count, scene.settings.max_depth - 1)
         count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
         reset_hits(hits, zero, count)
         intersect(scene.groups, rays, hits, zero, count, False, None)
         if scene.settings.hide_emitters != 0:
-            hide_lamps(scene, work, count)
+            hide_lamps(scene, work, count, True)
         step += 1
 
 

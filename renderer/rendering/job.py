@@ -68,8 +68,6 @@ class RenderJob:
         self._inputs = KernelInputs(
             scene, plan, options.accelerator, options.seed, self.variant
         )
-        kind = plan.kind
-        self._trace = kind.trace_several if plan.several else kind.trace
         self._packed_filter = pack(filter_of(scene, plan))
         self._compiled: Callable[..., None] | None = None  # what calls the method
         self._workspaces: list[Packed | None] = [None] * self.threads
@@ -81,7 +79,10 @@ class RenderJob:
         self.build_seconds = self.compile_seconds = 0.0  # see `build_job`
 
     def _use(self, record: KernelScene) -> None:
-        self.kernel_scene, self._packed_scene = record, pack(record)
+        self.kernel_scene = record
+        self._trace, self._packed_scene = self.variant.traced(
+            self.scene, self.plan, record, self.sampler.record
+        )
         self._method: Method | None = None  # holds this record's address
 
     def with_record(self, record: KernelScene) -> RenderJob:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import NotReplayable
-from renderer.kernels.jit import pack
+from renderer.integrators.kind import IntegratorKind
+from renderer.kernels.jit import Packed, pack
 from renderer.plugins.lights.envmap import EnvironmentMaps
 from renderer.plugins.lights.spot import SpotLights
 from renderer.plugins.sampling.numbers_and_warps import Sampling
@@ -22,6 +23,8 @@ from renderer.replay.environment import rounded_environment
 from renderer.replay.exact_hits import face_normals, triangle_tangents
 from renderer.replay.hit_points import hooks_of_hits
 from renderer.replay.light_rounding import rounded_shares, rounded_spots, triangle_shares
+from renderer.replay.media.record import ROWS_IN_MEDIA, in_order
+from renderer.replay.media.trace import trace_in_order
 from renderer.replay.new_rays import Leaving, round_rays
 from renderer.replay.pixel_seeds import BLOCK_SIZE, pixel_seeds
 from renderer.replay.sequences import (
@@ -74,6 +77,11 @@ def check_replay(requested: Integrator, method: str, extended: bool) -> None:
             "sampler 'mitsuba': the file divides the work in its own way (block_size, "
             f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
         )
+    if requested.written:
+        raise NotReplayable(
+            f"sampler 'mitsuba': {requested.written} draws in the order of "
+            f"{requested.name} here; possible is {requested.name}"
+        )
     if method == "whitted" and extended:
         raise NotReplayable(
             "sampler 'mitsuba': a tree of rays that samples lights with an area draws in "
@@ -93,11 +101,6 @@ def check_replay(requested: Integrator, method: str, extended: bool) -> None:
             "light, or without caustics; possible is the scene without sampling=lights, "
             "sampling=bsdfs and caustics=off"
         )
-    if requested.name == "volpath":
-        raise NotReplayable(
-            "sampler 'mitsuba': volpath draws in another order here; its pictures agree in "
-            "the mean"
-        )
 
 
 # -------------------------------------------------------------------------- replay mode
@@ -115,6 +118,10 @@ class Planned(Protocol):
     def light_samples(self) -> int: ...  # noqa: D102
     @property
     def bsdf_samples(self) -> int: ...  # noqa: D102
+    @property
+    def kind(self) -> IntegratorKind: ...  # noqa: D102
+    @property
+    def trace(self) -> Any: ...  # noqa: D102
 
 
 class Replayed:
@@ -133,6 +140,18 @@ class Replayed:
     def __init__(self, measured_camera: Sequence[float] | None) -> None:
         self._measured_camera = measured_camera
 
+    def of_lights(self, media: bool) -> Any:
+        """Return the same as for everything else: it goes back to the last event anyway."""
+        return self.arithmetic
+
+    def traced(
+        self, scene: Scene, plan: Planned, record: Any, sampler: Any
+    ) -> tuple[Any, Packed]:
+        """Return the integrator's own loop, or that of `volpath` in Mitsuba's order."""
+        if not plan.kind.media:
+            return plan.trace, pack(record)
+        return trace_in_order, pack(in_order(record, sampler, scene.description))
+
     def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
         camera = scene.description.camera
@@ -148,10 +167,10 @@ class Replayed:
             any(side is not None and kind_of(side).smooth for side in both)
             for both in shown
         ]
-        samples = max(plan.light_samples, plan.bsdf_samples)
+        samples, media = max(plan.light_samples, plan.bsdf_samples), plan.kind.media
         record = Replay(
             make_sequence(seeds.ravel(), plan.sampler),
-            np.zeros((rows_of(samples), seeds.size), np.float32),
+            np.zeros((ROWS_IN_MEDIA if media else rows_of(samples), seeds.size), "f4"),
             np.array(smooth or [False], np.int32),
             plan.light_samples,
             plan.bsdf_samples,
@@ -164,7 +183,7 @@ class Replayed:
             draw,
             choose_light,
             draw_aperture,
-            begin_bounce=begin_bounce,
+            begin_bounce=None if media else begin_bounce,
         )
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:

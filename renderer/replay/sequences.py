@@ -17,7 +17,7 @@ from renderer.kernels.lanes.functions import as_i32, splat_f32, splat_i32
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.records.batch import CAPACITY, sample_key, slot_pixel
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
-from renderer.replay.numbers import begin_dimensions
+from renderer.replay.numbers import begin_dimensions, next_dimension
 from renderer.replay.samplers import (
     Independent,
     LowDiscrepancy,
@@ -113,12 +113,28 @@ def next_2d(sequence: Any, pixel: int, sample: int) -> Any:
     raise TypeError("inside kernels only")
 
 
+def skip_1d(sequence: Any, pixel: int) -> None:
+    """Do as a masked draw of Mitsuba's: the dimension is used, no number is."""
+    raise TypeError("inside kernels only")
+
+
 @overload(begin_sample)
 def _begin_sample(sequence, pixel):
     begin = _BEGIN.get(record_class(sequence))
     if begin is None:
         return None
     return lambda sequence, pixel: begin(sequence, pixel)
+
+
+@overload(skip_1d)
+def _skip_1d(sequence, pixel):
+    if record_class(sequence) is Independent:
+        return lambda sequence, pixel: None
+
+    def skip(sequence, pixel):
+        next_dimension(sequence, pixel)
+
+    return skip
 
 
 @overload(next_1d)

@@ -32,18 +32,22 @@ from renderer.scene_file.media_description import (
 )
 
 
+def media_of(description: SceneDescription | None) -> list[Medium]:
+    """Return the media that the sensor and shapes refer to, in the order of their ids."""
+    if description is None:
+        return []
+    sides = [(shape.interior, shape.exterior) for shape in description.every_shape]
+    named = [description.camera.medium, *(medium for both in sides for medium in both)]
+    return list({id(medium): medium for medium in named if medium is not None}.values())
+
+
 def media_tables(description: SceneDescription | None) -> Media:
     """Return the media that shapes and the sensor refer to; None: none at all."""
-    media: dict[int, int] = {}
-    found: list[Medium] = []
+    found = media_of(description)
+    ids = {id(medium): k for k, medium in enumerate(found)}
 
     def number(medium: Medium | None) -> int:
-        if medium is None:
-            return int(VACUUM)
-        if id(medium) not in media:
-            media[id(medium)] = len(found)
-            found.append(medium)
-        return media[id(medium)]
+        return int(VACUUM) if medium is None else ids[id(medium)]
 
     camera = number(description.camera.medium if description else None)
     sides = []

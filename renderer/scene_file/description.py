@@ -571,6 +571,7 @@ class Integrator:
     """`direct`, `path`, `volpath`, ...; each uses the fields it needs."""
 
     name: str = "path"
+    written: str = ""  # the file's name of it, where that is another
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
     rr_depth: int = 5
     hide_emitters: bool = False

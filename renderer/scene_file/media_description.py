@@ -97,3 +97,6 @@ class Medium:
     albedo: Volume
     scale: float = 1.0
     phase: Phase = IsotropicPhase()
+    # These two choose between estimators of the same light in Mitsuba: for a replay.
+    sample_emitters: bool = True
+    has_spectral_extinction: bool = True

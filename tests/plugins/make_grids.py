@@ -48,5 +48,7 @@ if __name__ == "__main__":
     HERE.mkdir(exist_ok=True)
     (HERE / "torus.vol").write_bytes(grid_file(torus(13, 9, 13)))
     (HERE / "waves.vol").write_bytes(grid_file(waves(12, 12, 12)))
+    smoke = np.random.default_rng(5).uniform(0.0, 1.0, (3, 4, 5)) ** 3.0
+    (HERE / "smoke.vol").write_bytes(grid_file(smoke))
     colors = np.random.default_rng(4).uniform(0.05, 0.95, (2, 3, 4, 3))
     (HERE / "colors.vol").write_bytes(grid_file(colors))

@@ -99,6 +99,18 @@ def sample_lights(scene, turn, tile, sample, bounce, work, count):
         divide_by_probability(samples, work.numbers, count)
 
 
+@kernel
+def shadow_rays_to(points, i, wi, distance):
+    """Return origins, directions and lengths from points i to i + 15 to their lights.
+
+    `wi` and `distance` lead from the point itself; the ray starts off the surface.
+    """
+    origin = leave_surface(points, i, wi)
+    to_light = load3(points.position, i) + wi * distance - origin
+    left = length(to_light)
+    return origin, to_light / left, left
+
+
 @method_kernel
 def reflect_light(
     bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
@@ -128,13 +140,10 @@ def reflect_light(
         # of images light may be negative, and cancel out in a sum
         lit = mine & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
 
-        # the shadow ray
-        origin = leave_surface(points, i, wi)
-        position, r = load3(points.position, i), load_row(samples.distance, 0, i)
-        to_light = position + wi * r - origin
-        distance = length(to_light)
+        r = load_row(samples.distance, 0, i)
+        origin, direction, distance = shadow_rays_to(points, i, wi, r)
         append3(shadow_rays.origin, cast, origin, lit)
-        append3(shadow_rays.direction, cast, to_light / distance, lit)
+        append3(shadow_rays.direction, cast, direction, lit)
         append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
         append3(shadow_rays.radiance, cast, carried, lit)
         append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)

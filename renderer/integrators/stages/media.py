@@ -72,7 +72,7 @@ def medium_behind(media, shape, normal, direction, medium):
 
 
 @kernel
-def _keep_rays(rays, hits, i, end, throughput, mask):
+def keep_rays(rays, hits, i, end, throughput, mask):
     """Move rays i to i + 15 of the mask, with what they have hit, to `end`."""
     origin, direction = load3(rays.origin, i), load3(rays.direction, i)
     previous = load3(rays.previous, i)
@@ -151,7 +151,7 @@ def fly(scene, tile, sample, step, work, count):
             stays = stays & ~flight.collided & alive
         if hides:  # the camera does not see the environment, through media either
             stays = stays & (~missed | (depth > 0))
-        _keep_rays(rays, hits, i, kept, throughput, stays)
+        keep_rays(rays, hits, i, kept, throughput, stays)
         kept += popcount(mask_bits(stays))
     return kept, collisions
 
@@ -207,13 +207,20 @@ def scatter_collisions(scene, tile, sample, step, work, collisions, end):
 
 
 @kernel
-def hide_lamps(scene, work, count):
-    """Find anew what rays meet that come straight from the camera, but for area lights."""
-    rays, hits, depth = work.rays, work.hits, work.media.depth
+def hide_lamps(scene, work, count, in_media):
+    """Find anew what rays meet that come straight from the camera, but for area lights.
+
+    `in_media`: also what those meet that are in a medium.
+    """
+    rays, hits, depth, medium = work.rays, work.hits, work.media.depth, work.media.medium
     first = np.int64(0)
     while first < count:
         end = first
-        while end < count and depth[rays.slot[end]] == 0:
+        while (
+            end < count
+            and depth[rays.slot[end]] == 0
+            and (in_media or medium[rays.slot[end]] < 0)
+        ):
             end += 1
         if end > first:
             reset_hits(hits, first, end - first)
@@ -223,14 +230,15 @@ def hide_lamps(scene, work, count):
 
 
 @kernel
-def leave_surfaces(scene, work, count):
+def leave_surfaces(scene, work, count, last):
     """Go on from surfaces: through boundaries into media; return how many rays do.
+
+    `last` is the depth of the last segment.
 
     What goes straight on is still the path's last event: its density, its place and its
     depth stay.
     """
     media, state, rays, points = scene.media, work.media, work.rays, work.points
-    last = scene.settings.max_depth - 1
     kept = np.int64(0)
     for k in range(count):
         slot, i = rays.slot[k], rays.point[k]

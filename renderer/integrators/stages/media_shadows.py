@@ -70,7 +70,7 @@ def let_through(bsdf, points, start, stop):
 
 
 @kernel
-def _with(work, rays, hits, points, order, ends):
+def with_rays_and_points(work, rays, hits, points, order, ends):
     """Return the same workspace, but stages read and write these rays and points."""
     return Workspace(
         rays,
@@ -157,7 +157,7 @@ def _arrive(work, count):
 
 
 @kernel
-def _pass_surfaces(scene, walk, count):
+def pass_surfaces(scene, walk, count):
     """Go on behind surfaces that let light through; return how many rays do."""
     bsdfs, media, state = scene.bsdfs, scene.media, walk.media
     rays, hits, points = walk.rays, walk.hits, walk.points
@@ -216,7 +216,7 @@ def _trace(scene, tile, sample, step, work, cast, at_surfaces):
     """Add what `cast` shadow rays carry to the light."""
     state = work.media
     rays, hits = state.rays, state.hits
-    walk = _with(work, rays, hits, state.points, state.order, state.ends)
+    walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
     count, surfaces = _start(scene, work, cast, at_surfaces), np.int64(0)
     while count > 0 and surfaces < _MOST_SURFACES:
         for k in range(count):
@@ -232,38 +232,40 @@ def _trace(scene, tile, sample, step, work, cast, at_surfaces):
         )
         _attenuate(scene, work, work.numbers, count)
         _arrive(work, count)
-        count = _pass_surfaces(scene, walk, count)
+        count = pass_surfaces(scene, walk, count)
 
 
 # ------------------------------------------------------------------- points that are lit
 
 
 @kernel
-def light_surfaces(scene, tile, sample, step, work):
-    """Add the direct light at surface points, as `direct_light` does without media."""
+def keep_surfaces(work, count):
+    """Keep the shapes and normals of the first `count` points, by slot."""
     state, points = work.media, work.points
-    count = work.ends[scene.bsdfs.smooth]
-    if count == 0:
-        return
     for i in range(count):
         slot = points.slot[i]
         state.shape[slot] = points.shape[i]
         for c in range(3):
             state.normal[c, slot] = points.normal[c, i]
+
+
+@kernel
+def light_surfaces(scene, tile, sample, step, work):
+    """Add the direct light at surface points, as `direct_light` does without media."""
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0:
+        return
+    keep_surfaces(work, count)
     sample_lights(scene, np.int64(0), tile, sample, step, work, count)
     cast = cast_shadow_rays(scene, work)
     _trace(scene, tile, sample, step, work, cast, True)
 
 
 @kernel
-def light_collisions(scene, tile, sample, step, work, count):
-    """Add the direct light at the collisions of paths with media."""
-    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
-        return
+def cast_from_collisions(scene, work, count):
+    """Append what the sampled lights would contribute to `work.shadow_rays`."""
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples
-    there = _with(work, work.rays, work.hits, points, work.order, work.ends)
-    sample_lights(scene, np.int64(0), tile, sample, step, there, count)
     probability = light_probability(scene.lights, settings)
     cast = np.int64(0)
     for i in range(0, count, 16):
@@ -282,4 +284,17 @@ def light_collisions(scene, tile, sample, step, work, count):
         append3(shadow_rays.radiance, cast, select3(lit, carried, black()), lit)
         append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
         cast += popcount(mask_bits(lit))
+    return cast
+
+
+@kernel
+def light_collisions(scene, tile, sample, step, work, count):
+    """Add the direct light at the collisions of paths with media."""
+    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
+        return
+    there = with_rays_and_points(
+        work, work.rays, work.hits, work.media.collisions, work.order, work.ends
+    )
+    sample_lights(scene, np.int64(0), tile, sample, step, there, count)
+    cast = cast_from_collisions(scene, work, count)
     _trace(scene, tile, sample, step, work, cast, False)

@@ -74,7 +74,8 @@ def _two_more(noise, step):
 
 
 @kernel
-def _mean(color):
+def mean(color):
+    """Return the mean of three colours."""
     return (color.x + color.y + color.z) * _THIRD
 
 
@@ -124,7 +125,7 @@ def _transmittance(sigma, distance):
 
 
 @kernel
-def _box_of(media, medium, origin, direction, end, mask):
+def box_of(media, medium, origin, direction, end, mask):
     """Return where rays enter and leave the boxes of their media, cut at `end`."""
     low = gather_rows3(media.box, 0, medium, mask)
     high = gather_rows3(media.box, 3, medium, mask)
@@ -184,7 +185,7 @@ def _through_homogeneous(media, medium, origin, direction, end, x, y, mask, flig
     collided = mask & (t < end)
     distance = select(collided, t, end)
     passed = _transmittance(sigma, distance)
-    density = select(collided, _mean(sigma * passed), _mean(passed))
+    density = select(collided, mean(sigma * passed), mean(passed))
     inverse = select(density > 0.0, 1.0 / density, 0.0)
     weight = passed * inverse
     if mask_bits(collided) != 0:
@@ -196,7 +197,7 @@ def _through_homogeneous(media, medium, origin, direction, end, x, y, mask, flig
 
 @kernel
 def _through_grid(media, medium, majorant, origin, direction, end, noise, mask, flight):
-    t, last = _box_of(media, medium, origin, direction, end, mask)
+    t, last = box_of(media, medium, origin, direction, end, mask)
     inverse = 1.0 / select(mask, majorant, splat_f32(1.0))
     weight, collided, step = _one(), splat_mask(False), 0
     on = mask & (t < last)
@@ -209,7 +210,7 @@ def _through_grid(media, medium, majorant, origin, direction, end, noise, mask, 
             break
         at = origin + direction * t
         real = sigma_t_at(media, medium, at, on) * inverse  # shares of collisions
-        share = _mean(real)
+        share = mean(real)
         hit = on & (v < share)
         null = on & ~hit
         left = 1.0 / select(null, 1.0 - share, splat_f32(1.0))
@@ -242,7 +243,7 @@ def transmittance(media, medium, origin, direction, end, noise, mask):
     passed = select3(even, passed, _one())
     if mask_bits(varies) == 0:
         return passed
-    t, last = _box_of(media, medium, origin, direction, end, varies)
+    t, last = box_of(media, medium, origin, direction, end, varies)
     inverse = 1.0 / select(varies, majorant, splat_f32(1.0))
     on, step = varies & (t < last), 0
     while mask_bits(on) != 0 and step < _MOST_STEPS:

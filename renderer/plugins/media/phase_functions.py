@@ -123,7 +123,8 @@ def _sample_table(media, leaf, x):
 
 
 @kernel
-def _sample_leaf(media, leaf, x):
+def sample_leaf(media, leaf, x):
+    """Return cosines of one phase function of a mixture, from numbers in [0, 1)."""
     kind = media.phase_kind[leaf]
     if kind == HENYEY_GREENSTEIN:
         return _sample_hg(media.phase_g[leaf], x)
@@ -147,6 +148,6 @@ def sample_phase(media, medium, x, choice, mask):
             # the last one takes what rounding leaves
             taken = mine & (choice >= before)
             if mask_bits(taken) != 0:
-                cosine = select(taken, _sample_leaf(media, leaf, x), cosine)
+                cosine = select(taken, sample_leaf(media, leaf, x), cosine)
             before += media.phase_share[leaf]
     return minimum(maximum(cosine, splat_f32(-1.0)), splat_f32(1.0))

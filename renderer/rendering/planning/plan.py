@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from renderer.accelerators.choice import USUAL_RAYS, RayCounts
 from renderer.integrators.kind import Case, Decision, IntegratorKind
@@ -142,6 +142,11 @@ class Plan(Decision):
     def several(self) -> bool:
         """Whether a point takes more than one sample of its lights or its BSDF."""
         return max(self.light_samples, self.bsdf_samples) > 1
+
+    @property
+    def trace(self) -> Any:
+        """The kernel of the method."""
+        return self.kind.trace_several if self.several else self.kind.trace
 
     @property
     def name(self) -> str:

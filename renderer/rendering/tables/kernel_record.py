@@ -27,7 +27,7 @@ from renderer.kernels.records.kernel_scene import (
     Primitives,
     Settings,
 )
-from renderer.plugins.sampling.numbers_and_warps import FromLastEvent, Sampling
+from renderer.plugins.sampling.numbers_and_warps import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
@@ -182,7 +182,7 @@ class _SceneTables:
                 variant.lights(scene, by_kind),
                 settings,
                 scene.shapes,
-                FromLastEvent() if plan.kind.media else variant.arithmetic,
+                variant.of_lights(plan.kind.media),
                 lit,
                 choice,
                 plan.caustics,

@@ -18,8 +18,9 @@ from renderer.integrators.stages.camera_rays import (
     draw_aperture,
     draw_film,
 )
-from renderer.kernels.jit import pack
+from renderer.kernels.jit import Packed, pack
 from renderer.plugins.sampling.numbers_and_warps import (
+    FromLastEvent,
     Independent,
     Plain,
     Sampling,
@@ -38,6 +39,20 @@ class Variant(Protocol):
     arithmetic: Any  # see `renderer.plugins.sampling.numbers_and_warps`
     previous_points: bool  # whether rays keep the exact positions that they come from
     in_order: bool  # whether the samples of a tile must be drawn one after the other
+
+    def of_lights(self, media: bool) -> Any:
+        """Return the arithmetic of lights; `media`: paths go straight on through surfaces.
+
+        The point that a path comes from is then that where it was scattered last.
+        """
+
+    def traced(
+        self, scene: Scene, plan: Plan, record: Any, sampler: Any
+    ) -> tuple[Any, Packed]:
+        """Return the kernel that traces the paths of a tile, and the record it works on.
+
+        `record` and `sampler` are the kernels' own of the scene and of the numbers.
+        """
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return the source of random numbers."""
@@ -68,6 +83,16 @@ class RenderMode:
     arithmetic = Plain()
     previous_points = False
     in_order = False
+
+    def of_lights(self, media: bool) -> Any:
+        """Return the plain formulas."""
+        return FromLastEvent() if media else self.arithmetic
+
+    def traced(
+        self, scene: Scene, plan: Plan, record: Any, sampler: Any
+    ) -> tuple[Any, Packed]:
+        """Return the integrator's own loop."""
+        return plan.trace, pack(record)
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Hash pixel, sample and dimension."""

@@ -50,13 +50,12 @@ def _read_medium(properties: Properties) -> Medium:
     scale = properties.number("scale", 1.0, at_least=0.0, at_most=_DENSEST)
     if scale * sigma_t.maximum > _DENSEST:
         properties.fail("sigma_t", f"up to {scale * sigma_t.maximum:g}", "at most 1e9")
-    # Both choose between estimators of the same light in Mitsuba.
-    properties.boolean("sample_emitters", True)
-    properties.boolean("has_spectral_extinction", True)
+    samples = properties.boolean("sample_emitters", True)
+    spectral = properties.boolean("has_spectral_extinction", True)
     nested = properties.child("phase")
     phase = IsotropicPhase() if nested is None else read_phase(nested, properties.reading)
     properties.finish()
-    return Medium(plugin, sigma_t, albedo, scale, phase)
+    return Medium(plugin, sigma_t, albedo, scale, phase, samples, spectral)
 
 
 # ------------------------------------------------------------------------------ volumes

@@ -168,7 +168,10 @@ def read_integrator(element: Element | None, reading: Reading) -> Integrator:
             "timeout", f"{timeout:g} s", "none: pictures are always finished here"
         )
     properties.finish()
-    return dataclasses.replace(integrator, block_size=block_size, one_pass=one_pass)
+    written = element.plugin if plugin != element.plugin else ""
+    return dataclasses.replace(
+        integrator, written=written, block_size=block_size, one_pass=one_pass
+    )
 
 
 def _refused(element: Element, why: str) -> Integrator:

@@ -77,7 +77,7 @@ def test_a_tree_of_rays_with_point_lights_is_replayed():
         ("whitted", {}, "whitted with point"),
         ("direct", {"bsdf_samples": 257}, "possible are up to 256"),
         ("direct", {"emitter_samples": 1000}, "possible are up to 256"),
-        ("volpath", {}, "volpath draws in another order here"),
+        ("volpathmis", {}, "volpathmis draws in the order of volpath here"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused_with_what_can(integrator, settings, words):

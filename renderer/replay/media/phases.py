@@ -1,0 +1,104 @@
+"""Directions that Mitsuba's phase functions choose from the same numbers.
+
+Each plugin has its own formula for the cosine and its own way around the ray; `isotropic`
+does not look at the ray at all.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    mask_bits,
+    maximum,
+    splat_f32,
+    sqrt,
+)
+from renderer.kernels.lanes.vectors import orthonormal_basis, select3, vec3
+from renderer.kernels.records.media import (
+    HENYEY_GREENSTEIN,
+    ISOTROPIC,
+    TABULATED,
+)
+from renderer.plugins.media.phase_functions import sample_leaf
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI
+from renderer.replay.directions import sincos_as_mitsuba
+
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_EPSILON = np.float32(2.0**-24)
+
+
+class _Turn(NamedTuple):
+    """A direction in the frame of wi, or in the world for `isotropic`."""
+
+    x: Any
+    y: Any
+    z: Any
+
+
+@kernel
+def _cosine_of_hg(g, x):
+    """Return the cosine between wi and the way on, negated."""
+    if abs(g) < _EPSILON:
+        return _ONE - _TWO * x
+    term = (_ONE - g * g) / ((_ONE - g) + (_TWO * g) * x)
+    return ((_ONE + g * g) - term * term) / (_TWO * g)
+
+
+@kernel
+def _turn(media, leaf, x, y):
+    kind = media.phase_kind[leaf]
+    around = (x if kind == ISOTROPIC else y) * TWO_PI
+    sin_phi, cos_phi = sincos_as_mitsuba(around)
+    if kind == ISOTROPIC:
+        z = _ONE - _TWO * y
+    elif kind == HENYEY_GREENSTEIN:
+        z = -_cosine_of_hg(media.phase_g[leaf], x)
+    else:
+        z = sample_leaf(media, leaf, x)
+    sine = sqrt(maximum(_ONE - z * z, splat_f32(0.0)))
+    if kind == TABULATED:
+        return _Turn(-(sine * cos_phi), -(sine * sin_phi), -z)
+    return _Turn(sine * cos_phi, sine * sin_phi, z)
+
+
+@kernel
+def sample_phase_in_order(media, medium, wo, x, y, choice, mask):
+    """Return the directions in which paths go on from collisions.
+
+    Parameters
+    ----------
+    medium
+        Ids, in lanes; `mask` says which lanes count.
+    wo
+        Unit vectors, back along the rays.
+    x, y, choice
+        The pair of numbers, and the one that chooses between phase functions.
+    """
+    s, t = orthonormal_basis(wo)
+    direction = wo
+    for k in range(media.count):
+        mine = mask & (medium == np.int32(k))
+        if mask_bits(mine) == 0:
+            continue
+        # Of a mixture the last one has the smallest numbers.
+        first, end = media.phase_begin[k], media.phase_begin[k + 1]
+        left, up_to = mine, np.float32(0.0)
+        for back in range(end - first):
+            leaf = end - 1 - back
+            up_to += media.phase_share[leaf]
+            taken = left if leaf == first else left & (choice <= up_to)
+            left = left & ~taken
+            if mask_bits(taken) == 0:
+                continue
+            turn = _turn(media, leaf, x, y)
+            if media.phase_kind[leaf] == ISOTROPIC:
+                chosen = vec3(turn.x, turn.y, turn.z)
+            else:
+                chosen = s * turn.x + t * turn.y + wo * turn.z
+            direction = select3(taken, chosen, direction)
+    return direction

@@ -1,0 +1,132 @@
+"""What a replay of `volpath` knows in addition, and how it draws its numbers.
+
+How many numbers a path takes depends on its collisions. So a number is drawn when a path
+needs it, and not at the start of a bounce.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import lane, lowest_bit, mask_bits
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.records.batch import slot_pixel
+from renderer.replay.sequences import (
+    BSDF,
+    BSDF_CHOICE,
+    LIGHT,
+    Replay,
+    next_1d,
+    next_2d,
+    skip_1d,
+)
+from renderer.scene.light_order import light_order
+from renderer.scene.media_tables import media_of
+from renderer.scene_file.description import (
+    DirectionalLight,
+    PointLight,
+    SceneDescription,
+    SpotLight,
+)
+
+# rows of `Replay.numbers` behind those of a bounce
+CHANNEL = 10  # the colour by which distances are chosen: 0, 1 or 2
+PASSED = 11  # RGB: what a shadow ray lets through; `TO_DO` before it is traced
+ROWS_IN_MEDIA = 14
+TO_DO = np.float32(-1.0)
+
+
+class InOrder(NamedTuple):
+    """A scene whose paths are traced in Mitsuba's order; columns by medium id."""
+
+    scene: Any  # KernelScene
+    replay: Replay
+    majorant: NDArray[np.float32]  # (n,) of heterogeneous media, as Mitsuba rounds it
+    spectral: NDArray[np.int32]  # (n,) 1: has_spectral_extinction
+    lit: NDArray[np.int32]  # (n,) 1: sample_emitters
+    # (lights,) 1: at a point, or in one direction: always worth a shadow ray to Mitsuba
+    delta: NDArray[np.int32]
+
+
+def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrder:
+    """Return the record that `trace_in_order` works on."""
+    media = media_of(description)
+    delta = np.zeros(len(description.every_shape) + len(description.emitters) + 1, np.int32)
+    lights = zip(light_order(description).of_emitters, description.emitters, strict=True)
+    for light, emitter in lights:
+        delta[light] = isinstance(emitter, PointLight | SpotLight | DirectionalLight)
+    majorants = [np.float32(m.scale) * np.float32(m.sigma_t.maximum) for m in media]
+    return InOrder(
+        scene,
+        replay,
+        np.array([*majorants, 0.0], np.float32),
+        np.array([*(m.has_spectral_extinction for m in media), 1], np.int32),
+        np.array([*(m.sample_emitters for m in media), 1], np.int32),
+        delta,
+    )
+
+
+@kernel
+def pixel_of(tile, slot):
+    """Return the number of a slot's pixel in the full film."""
+    x, y = slot_pixel(slot, 0)
+    return (y + tile.y) * tile.film_width + x + tile.x
+
+
+@kernel
+def draw_each(replay, tile, sample, slots, i, mask, numbers):
+    """Return the next number of each masked slot i to i + 15; `numbers` is written to."""
+    bits = mask_bits(mask)
+    slot = load_row(slots, 0, i)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        pixel = pixel_of(tile, lane(slot, j))
+        numbers[0, i + j] = next_1d(replay.sequence, pixel, sample)
+    return load_row(numbers, 0, i)
+
+
+@kernel
+def skip_each(replay, tile, slots, i, mask):
+    """Do as a draw of Mitsuba's that is masked out at the masked slots i to i + 15."""
+    bits = mask_bits(mask)
+    slot = load_row(slots, 0, i)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        skip_1d(replay.sequence, pixel_of(tile, lane(slot, j)))
+
+
+@kernel
+def draw_channel(replay, tile, sample, slot):
+    """Draw the colour of a path."""
+    pixel = pixel_of(tile, slot)
+    u = next_1d(replay.sequence, pixel, sample)
+    channel = min(np.int32(u * np.float32(3.0)), np.int32(2))
+    replay.numbers[CHANNEL, pixel] = np.float32(channel)
+
+
+@kernel
+def draw_light(replay, tile, sample, slot):
+    """Draw the two numbers of a light; the shadow ray to it is still to be traced."""
+    pixel, numbers = pixel_of(tile, slot), replay.numbers
+    x, y = next_2d(replay.sequence, pixel, sample)
+    numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = x, y
+    for c in range(3):
+        numbers[PASSED + c, pixel] = TO_DO
+
+
+@kernel
+def draw_direction(replay, tile, sample, slot):
+    """Draw the numbers of a BSDF or a phase function: the pair comes first.
+
+    They are arguments of one call, which the wheel's compiler evaluates from the right.
+    """
+    pixel, numbers = pixel_of(tile, slot), replay.numbers
+    x, y = next_2d(replay.sequence, pixel, sample)
+    numbers[BSDF, pixel], numbers[BSDF + 1, pixel] = x, y
+    numbers[BSDF_CHOICE, pixel] = next_1d(replay.sequence, pixel, sample)

@@ -1,0 +1,260 @@
+"""The loop of Mitsuba's `volpath`, with the stages of ours and Mitsuba's numbers.
+
+Order of the numbers (Mitsuba 3.9.1, src/integrators/volpath.cpp): the place on the film,
+and that on the lens if there is one; the colour that chooses distances; then for each
+segment one for the roulette, and in a medium one for the distance and one for what the
+collision is, until it is no null collision. At a surface with a smooth part, and at a
+collision: two for a light sample, and one for each tentative collision of the shadow ray;
+two and one for the BSDF or the phase function. In a scene without media, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.stages.direct_light import (
+    BEFORE_LIGHT,
+    cast_shadow_rays,
+    sample_lights,
+    shadow_rays_to,
+)
+from renderer.integrators.stages.emission import add_emitted_light
+from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
+from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.media import (
+    begin_in_medium,
+    hide_lamps,
+    leave_surfaces,
+    medium_behind,
+)
+from renderer.integrators.stages.media_shadows import (
+    cast_from_collisions,
+    keep_surfaces,
+    pass_surfaces,
+    with_rays_and_points,
+)
+from renderer.integrators.stages.scatter import scatter
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    as_i32,
+    fabs,
+    first_lanes,
+    lane_index,
+    mask_bits,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row
+from renderer.kernels.lanes.vectors import append3, column, dot, load3, vec3
+from renderer.kernels.records.batch import sample_key
+from renderer.kernels.records.kernel_scene import CHOOSE_LIGHT
+from renderer.kernels.records.media import VACUUM
+from renderer.plugins.bsdfs.kind import SMOOTH
+from renderer.plugins.media.phase_functions import eval_phase
+from renderer.replay.media.flight import attenuate_in_order, fly_in_order
+from renderer.replay.media.phases import sample_phase_in_order
+from renderer.replay.media.record import (
+    PASSED,
+    TO_DO,
+    draw_channel,
+    draw_direction,
+    draw_light,
+    pixel_of,
+)
+from renderer.replay.sequences import BSDF, BSDF_CHOICE
+
+# of a bounce in `scatter`: the roulette was played before the flight
+_NO_ROULETTE = np.int64(-1)
+_NO_LAST = np.int64(1 << 30)  # paths end before the flight, too
+
+
+@method_kernel
+def trace_in_order(order, tile, sample, work):
+    """Do as `integrators.volpath.trace_paths`, with the numbers in Mitsuba's order."""
+    scene, replay = order.scene, order.replay
+    rays, hits = work.rays, work.hits
+    count = camera_hits(scene, tile, sample, work)
+    begin_in_medium(scene.media, work, count)
+    zero = np.int64(0)
+    if scene.settings.hide_emitters != 0 and scene.media.camera != VACUUM:
+        reset_hits(hits, zero, count)  # Mitsuba hides no lamps in a medium
+        intersect(scene.groups, rays, hits, zero, count, False, None)
+    for k in range(count):
+        draw_channel(replay, tile, sample, rays.slot[k])
+    while count > 0:
+        count, collisions = fly_in_order(order, tile, sample, work, count)
+        add_emitted_light(scene, work, zero, count, True)
+        group_by_bsdf(scene, work, zero, count)
+        _draw_lights(order, tile, sample, work, count, collisions)
+        _light_surfaces(order, tile, sample, work)
+        _light_collisions(order, tile, sample, work, collisions)
+        for k in range(count):
+            if hits.prim[k] >= 0:
+                draw_direction(replay, tile, sample, rays.slot[k])
+        count = scatter(scene, tile, sample, _NO_ROULETTE, work)
+        count = leave_surfaces(scene, work, count, _NO_LAST)
+        count = _scatter_collisions(order, tile, sample, work, collisions, count)
+        reset_hits(hits, zero, count)
+        intersect(scene.groups, rays, hits, zero, count, False, None)
+        if scene.settings.hide_emitters != 0:
+            hide_lamps(scene, work, count, False)
+
+
+# --------------------------------------------------------------------------------- lights
+
+
+@kernel
+def _draw_lights(order, tile, sample, work, count, collisions):
+    """Draw the lights' numbers of surfaces with a smooth part, and of collisions."""
+    scene, replay, state = order.scene, order.replay, work.media
+    rays, hits, points = work.rays, work.hits, state.collisions
+    last = scene.settings.max_depth - 1
+    for k in range(count):
+        if hits.prim[k] < 0:
+            continue
+        slot, shape = rays.slot[k], scene.primitives.shape[hits.prim[k]]
+        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        if replay.smooth[shape] == 1 and state.depth[slot] < last:
+            draw_light(replay, tile, sample, slot)
+    for k in range(collisions):
+        slot = points.slot[k]
+        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        if order.lit[points.bsdf[k]] == 1:
+            draw_light(replay, tile, sample, slot)
+
+
+@kernel
+def _wanted(order, tile, samples, slot, i, valid):
+    """Return the lanes whose light samples Mitsuba traces a shadow ray for.
+
+    All but those of density 0: also where no light arrives, or the BSDF reflects none.
+    """
+    light, radiance = load_row(samples.light, 0, i), load3(samples.radiance, i)
+    some = fabs(radiance.x) + fabs(radiance.y) + fabs(radiance.z) > 0.0
+    some = some | (load_row(samples.pdf, 0, i) > 0.0)
+    some = some | (gather_row(order.delta, 0, light, valid) != 0)
+    pixel = as_i32(sample_key(tile, slot).pixel)
+    return valid & some & (gather_row(order.replay.numbers, PASSED, pixel, valid) == TO_DO)
+
+
+@kernel
+def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
+    """Note by pixel what the shadow rays of the first `count` points let through."""
+    scene, replay, state = order.scene, order.replay, work.media
+    samples, rays, hits = work.light_samples, state.rays, state.hits
+    one, end = splat_f32(1.0), np.int64(0)
+    for i in range(0, count, 16):
+        slot = load_row(points.slot, 0, i)
+        wanted = _wanted(order, tile, samples, slot, i, first_lanes(count - i))
+        wi, distance = load3(samples.wi, i), load_row(samples.distance, 0, i)
+        origin = load3(points.position, i)
+        if at_surfaces:
+            origin, wi, distance = shadow_rays_to(points, i, wi, distance)
+        append3(rays.origin, end, origin, wanted)
+        append3(rays.direction, end, wi, wanted)
+        append3(rays.throughput, end, vec3(one, one, one), wanted)
+        append_row(rays.slot, 0, end, slot, wanted)
+        append_row(state.rest, 0, end, distance * BEFORE_LIGHT, wanted)
+        end += popcount(mask_bits(wanted))
+    kept = np.int64(0)
+    for k in range(end):
+        slot = rays.slot[k]
+        pixel = pixel_of(tile, slot)
+        if replay.numbers[PASSED, pixel] != TO_DO:  # the point stands in two groups
+            continue
+        for c in range(3):
+            replay.numbers[PASSED + c, pixel] = np.float32(0.0)
+            rays.origin[c, kept] = rays.origin[c, k]
+            rays.direction[c, kept] = rays.direction[c, k]
+        medium = state.medium[slot]
+        if at_surfaces:
+            normal, direction = column(state.normal, slot), column(rays.direction, k)
+            shape = state.shape[slot]
+            medium = medium_behind(scene.media, shape, normal, direction, medium)
+        rays.slot[kept], rays.point[kept] = slot, kept
+        state.inside[kept], state.rest[kept] = medium, state.rest[k]
+        kept += 1
+    walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
+    while kept > 0:
+        for k in range(kept):
+            hits.t[k] = state.rest[rays.point[k]]
+            hits.prim[k] = -1
+        intersect(scene.groups, rays, hits, np.int64(0), kept, False, None)
+        attenuate_in_order(order, tile, sample, work, kept)
+        kept = pass_surfaces(scene, walk, kept)
+    for i in range(count):  # samples of density 0
+        pixel = pixel_of(tile, points.slot[i])
+        if replay.numbers[PASSED, pixel] == TO_DO:
+            for c in range(3):
+                replay.numbers[PASSED + c, pixel] = np.float32(0.0)
+
+
+@kernel
+def _add_light(order, tile, work, cast):
+    """Add what `cast` shadow rays carry and lets through."""
+    shadow, numbers, radiance = work.shadow_rays, order.replay.numbers, work.radiance
+    for k in range(cast):
+        slot = shadow.slot[k]
+        pixel = pixel_of(tile, slot)
+        for c in range(3):
+            radiance[c, slot] += shadow.radiance[c, k] * numbers[PASSED + c, pixel]
+
+
+@kernel
+def _light_surfaces(order, tile, sample, work):
+    scene, points = order.scene, work.points
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
+        return
+    keep_surfaces(work, count)
+    sample_lights(scene, np.int64(0), tile, sample, np.int64(0), work, count)
+    _trace_shadow_rays(order, tile, sample, work, points, count, True)
+    _add_light(order, tile, work, cast_shadow_rays(scene, work))
+
+
+@kernel
+def _light_collisions(order, tile, sample, work, count):
+    scene, points = order.scene, work.media.collisions
+    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:
+        return
+    there = with_rays_and_points(work, work.rays, work.hits, points, work.order, work.ends)
+    sample_lights(scene, np.int64(0), tile, sample, np.int64(0), there, count)
+    _trace_shadow_rays(order, tile, sample, work, points, count, False)
+    _add_light(order, tile, work, cast_from_collisions(scene, work, count))
+
+
+# ---------------------------------------------------------------------------- collisions
+
+
+@kernel
+def _scatter_collisions(order, tile, sample, work, count, end):
+    """Send paths on from their collisions; append their rays and return the new end."""
+    media, replay, rays = order.scene.media, order.replay, work.rays
+    points = work.media.collisions
+    for k in range(count):
+        draw_direction(replay, tile, sample, points.slot[k])
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i)
+        slot, medium = load_row(points.slot, 0, i), load_row(points.bsdf, 0, i)
+        pixel, wo = as_i32(sample_key(tile, slot).pixel), load3(points.wo, i)
+        x = gather_row(replay.numbers, BSDF, pixel, mine)
+        y = gather_row(replay.numbers, BSDF + 1, pixel, mine)
+        choice = gather_row(replay.numbers, BSDF_CHOICE, pixel, mine)
+        direction = sample_phase_in_order(media, medium, wo, x, y, choice, mine)
+        pdf = eval_phase(media, medium, -dot(wo, direction), mine)
+        lit = gather_row(order.lit, 0, medium, mine) != 0
+        alive, position = mine & (pdf > 0.0), load3(points.position, i)
+        append3(rays.origin, end, position, alive)
+        append3(rays.previous, end, position, alive)
+        append3(rays.direction, end, direction, alive)
+        append3(rays.throughput, end, load3(points.throughput, i), alive)
+        # 0: lights were not sampled there
+        append_row(rays.pdf, 0, end, select(lit, pdf, splat_f32(0.0)), alive)
+        append_row(rays.eta, 0, end, load_row(points.eta, 0, i), alive)
+        append_row(rays.lobe, 0, end, splat_i32(SMOOTH), alive)
+        append_row(rays.slot, 0, end, slot, alive)
+        append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
+        end += popcount(mask_bits(alive))
+    return end
