@@ -17,6 +17,7 @@ from renderer.kernels.records.media import (
     VACUUM,
     Media,
 )
+from renderer.plugins.media.majorants import cell_bounds, world_box
 from renderer.plugins.media.volumes import grid_tables
 from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.media_description import (
@@ -62,6 +63,8 @@ def media_tables(description: SceneDescription | None) -> Media:
     phases = [list(_leaves(medium.phase, 1.0)) for medium in found]
     flat = [leaf for leaves in phases for leaf in leaves]
     tables = [_table(phase) for _, phase in flat]
+    bounds = [cell_bounds(medium) for medium in found]
+    along = np.array([size for size, _ in bounds] or [[1] * 3], np.int32).T.copy()
     return Media(
         len(found),
         camera,
@@ -72,7 +75,12 @@ def media_tables(description: SceneDescription | None) -> Media:
         _numbers([_majorant(medium) for medium in found], np.float32),
         _numbers([place.get(id(m.sigma_t), -1) for m in found], np.int32),
         _numbers([place.get(id(m.albedo), -1) for m in found], np.int32),
-        _columns([_box(medium.sigma_t) for medium in found], 6),
+        _columns([world_box(medium.sigma_t.to_world) for medium in found], 6),
+        along,
+        _ends([part.shape[1] for _, part in bounds])[:-1] if found else np.zeros(1, "i4"),
+        np.concatenate([*(part for _, part in bounds), np.zeros((2, 16))], axis=1).astype(
+            np.float32
+        ),
         _ends(map(len, phases)),
         _numbers([_kind(phase) for _, phase in flat], np.int32),
         _numbers([share for share, _ in flat], np.float32),
@@ -111,13 +119,6 @@ def _majorant(medium: Medium) -> float:
         return 0.0
     # above every interpolated number, which rounding may raise by some units
     return medium.scale * medium.sigma_t.maximum * (1.0 + 2.0**-20)
-
-
-def _box(volume: Volume) -> NDArray[np.float64]:
-    """Return the corners of the world's box around the unit cube of a volume, (6,)."""
-    corners = np.stack(np.meshgrid(*([[0.0, 1.0]] * 3)), axis=-1).reshape(-1, 3)
-    placed = corners @ volume.to_world[:3, :3].T + volume.to_world[:3, 3]
-    return np.concatenate((placed.min(axis=0), placed.max(axis=0)))
 
 
 # ---------------------------------------------------------------------- phase functions

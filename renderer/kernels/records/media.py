@@ -40,6 +40,10 @@ class Media(NamedTuple):
     sigma_grid: NDArray[np.int32]  # (n,) grid id, -1: constant
     albedo_grid: NDArray[np.int32]  # (n,)
     box: NDArray[np.float32]  # (6, n) where a heterogeneous medium is: two corners
+    # the box is divided into cells, x fastest; those of medium k begin at begin[k]
+    cells_along: NDArray[np.int32]  # (3, n)
+    cells_begin: NDArray[np.int32]  # (n,)
+    cells: NDArray[np.float32]  # (2, m) largest and smallest sigma_t of any colour
     # mixtures of phase functions: those of medium k are begin[k] to begin[k + 1] - 1
     phase_begin: NDArray[np.int32]  # (n + 1,)
     phase_kind: NDArray[np.int32]  # (m,)

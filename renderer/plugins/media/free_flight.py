@@ -1,9 +1,10 @@
 """Free flight through a medium, and the transmittance of a way through it.
 
 In a homogeneous medium both are closed formulas. In a heterogeneous one tentative
-collisions come as often as its densest place would have them, the majorant; each is real
-with the probability sigma_t / majorant [Woodcock1965], and the product of what is left at
-each estimates the transmittance [Novak2014].
+collisions come as often as the densest place of a cell would have them, the majorant; each
+is real with the probability sigma_t / majorant [Woodcock1965]. The transmittance is that
+of the thinnest place of each cell, exactly, times what is left at tentative collisions with
+the rest [Novak2014].
 
 Where the three colours of sigma_t differ, one of them chooses the distance, and the weight
 is that of the balance heuristic over all three [Wilkie2014]: in a homogeneous medium no
@@ -32,14 +33,15 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.mathematics import exp, log
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import gather3, gather_rows3, select3, vec3
+from renderer.plugins.media.majorants import cross, enter_cells, way_out
 from renderer.plugins.media.volumes import look_up_grid
 from renderer.plugins.sampling.numbers_and_warps import hash4, unit_float
 
 _THIRD = np.float32(1.0 / 3.0)
 _INFINITE = np.float32(np.inf)
 _BITS = np.float32(2.0**24)
-# Tentative collisions of one flight, in the densest place an optical depth of 10^6; a path
-# that has more ends there.
+# Cells and tentative collisions of one flight, as at an optical depth of 10^6; a path that
+# has more ends there.
 _MOST_STEPS = 1 << 20
 _DARK = np.float32(1e-12)  # transmittances below it are 0
 
@@ -66,9 +68,8 @@ def noise_of(x, y):
 
 
 @kernel
-def _two_more(noise, step):
-    """Return two numbers in [0, 1) for tentative collision number `step`."""
-    turn = splat_u32(np.uint32(step))
+def _two_more(noise, turn):
+    """Return two numbers in [0, 1) for tentative collisions by number."""
     x, y, _, _ = hash4(noise.a, noise.b, turn, splat_u32(np.uint32(0x9E3779B9)))
     return unit_float(x), unit_float(y)
 
@@ -169,9 +170,7 @@ def free_flight(media, medium, origin, direction, end, x, y, noise, mask):
             media, medium, origin, direction, end, x, y, even, flight
         )
     if mask_bits(varies) != 0:
-        flight = _through_grid(
-            media, medium, majorant, origin, direction, end, noise, varies, flight
-        )
+        flight = _through_grid(media, medium, origin, direction, end, noise, varies, flight)
     return flight
 
 
@@ -196,23 +195,64 @@ def _through_homogeneous(media, medium, origin, direction, end, x, y, mask, flig
 
 
 @kernel
-def _through_grid(media, medium, majorant, origin, direction, end, noise, mask, flight):
-    t, last = box_of(media, medium, origin, direction, end, mask)
-    inverse = 1.0 / select(mask, majorant, splat_f32(1.0))
-    weight, collided, step = _one(), splat_mask(False), 0
-    on = mask & (t < last)
-    while mask_bits(on) != 0 and step < _MOST_STEPS:
-        u, v = _two_more(noise, step)
-        step += 1
-        t = select(on, t - log(1.0 - u) * inverse, t)
+def _enter_box(media, medium, origin, direction, end, mask):
+    """Return where rays enter their boxes, 0, how far they go on, and what is before.
+
+    Distances in the box do not drown in that to a far camera.
+    """
+    near, last = box_of(media, medium, origin, direction, end, mask)
+    inside = mask & (near < last)
+    start = select3(inside, origin + direction * near, origin)
+    return start, splat_f32(0.0), select(inside, last - near, splat_f32(0.0)), near
+
+
+@kernel
+def _step(media, cells, sigma, inverse, t, last, depth, on):
+    """Go on to a tentative collision or into the next cell.
+
+    Parameters
+    ----------
+    sigma, inverse
+        How often collisions are tried in the cell [1/length], and one over it.
+    t, last
+        Where rays are, and where their box or their way ends.
+    depth
+        The optical depth left to the tentative collision.
+
+    Returns
+    -------
+    Which rays collide tentatively, and the new t, depth and cells.
+    """
+    stop = minimum(way_out(cells), last)
+    reached = select(sigma > 0.0, t + depth * inverse, splat_f32(_INFINITE))
+    tried = on & (reached < stop)
+    crossing = on & ~tried
+    there = select(tried, reached, select(crossing, maximum(stop, t), t))
+    depth = select(crossing, depth - sigma * (there - t), depth)
+    return tried, there, depth, cross(cells, media, crossing)
+
+
+@kernel
+def _through_grid(media, medium, origin, direction, end, noise, mask, flight):
+    start, t, last, near = _enter_box(media, medium, origin, direction, end, mask)
+    weight, collided, steps = _one(), splat_mask(False), 0
+    on, turn = mask & (t < last), splat_u32(np.uint32(0))
+    u, v = _two_more(noise, turn)
+    depth = -log(1.0 - u)  # optical, to the next tentative collision
+    cells = enter_cells(media, medium, start, direction, on)
+    while mask_bits(on) != 0 and steps < _MOST_STEPS:
+        steps += 1
+        sigma = gather_row(media.cells, 0, cells.cell, on)
+        inverse = 1.0 / select(sigma > 0.0, sigma, splat_f32(1.0))
+        tried, t, depth, cells = _step(media, cells, sigma, inverse, t, last, depth, on)
         on = on & (t < last)
-        if mask_bits(on) == 0:
-            break
-        at = origin + direction * t
-        real = sigma_t_at(media, medium, at, on) * inverse  # shares of collisions
+        if mask_bits(tried) == 0:
+            continue
+        at = start + direction * t
+        real = sigma_t_at(media, medium, at, tried) * inverse  # shares of collisions
         share = mean(real)
-        hit = on & (v < share)
-        null = on & ~hit
+        hit = tried & (v < share)
+        null = tried & ~hit
         left = 1.0 / select(null, 1.0 - share, splat_f32(1.0))
         weight = select3(null, weight * (_one() - real) * left, weight)
         if mask_bits(hit) != 0:
@@ -221,11 +261,14 @@ def _through_grid(media, medium, majorant, origin, direction, end, noise, mask, 
                 hit, weight * scattered * (1.0 / select(hit, share, splat_f32(1.0))), weight
             )
         collided = collided | hit
-        on = null
+        on = on & ~hit
+        turn = select(null, turn + np.uint32(1), turn)
+        u, v = _two_more(noise, turn)
+        depth = select(null, -log(1.0 - u), depth)
     weight = select3(on, _one() * 0.0, weight)
     return Flight(
         flight.collided | collided,
-        select(collided, t, flight.distance),
+        select(collided, near + t, flight.distance),
         select3(mask, weight, flight.weight),
     )
 
@@ -243,16 +286,26 @@ def transmittance(media, medium, origin, direction, end, noise, mask):
     passed = select3(even, passed, _one())
     if mask_bits(varies) == 0:
         return passed
-    t, last = box_of(media, medium, origin, direction, end, varies)
-    inverse = 1.0 / select(varies, majorant, splat_f32(1.0))
-    on, step = varies & (t < last), 0
-    while mask_bits(on) != 0 and step < _MOST_STEPS:
-        u, _ = _two_more(noise, step)
-        step += 1
-        t = select(on, t - log(1.0 - u) * inverse, t)
+    start, t, last, _ = _enter_box(media, medium, origin, direction, end, varies)
+    on, turn, steps = varies & (t < last), splat_u32(np.uint32(0)), 0
+    u, _ = _two_more(noise, turn)
+    depth, surely = -log(1.0 - u), splat_f32(0.0)
+    cells = enter_cells(media, medium, start, direction, on)
+    while mask_bits(on) != 0 and steps < _MOST_STEPS:
+        steps += 1
+        least = gather_row(media.cells, 1, cells.cell, on)
+        sigma = gather_row(media.cells, 0, cells.cell, on) - least
+        inverse, before = 1.0 / select(sigma > 0.0, sigma, splat_f32(1.0)), t
+        tried, t, depth, cells = _step(media, cells, sigma, inverse, t, last, depth, on)
+        surely = surely + select(on, least * (t - before), 0.0)
         on = on & (t < last)
-        at = origin + direction * t
-        left = _one() - sigma_t_at(media, medium, at, on) * inverse
-        passed = select3(on, passed * left, passed)
+        if mask_bits(tried) == 0:
+            continue
+        at = start + direction * t
+        rest = sigma_t_at(media, medium, at, tried) - vec3(least, least, least)
+        passed = select3(tried, passed * (_one() - rest * inverse), passed)
         on = on & (maximum(maximum(passed.x, passed.y), passed.z) > _DARK)
-    return select3(on, _one() * 0.0, passed)
+        turn = select(tried, turn + np.uint32(1), turn)
+        u, _ = _two_more(noise, turn)
+        depth = select(tried, -log(1.0 - u), depth)
+    return select3(on, _one() * 0.0, passed * exp(-surely))

@@ -138,6 +138,17 @@ def test_a_grid_attenuates_by_its_integral(wrap, filter_type):
     assert_mean(pixels(scene), np.exp(-2.0 * 0.4 * density.mean()) * np.ones(3))
 
 
+def test_smoke_far_away_is_as_thin_as_nearby():
+    """At a distance of 50,000 a float32 has steps of 0.004: a ray still crosses cells."""
+    values = np.linspace(0.0, 1.0, 64).reshape(4, 4, 4, 1) ** 2
+    sensor = parallel(0.5, spp=512)
+    scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
+    near = pixels(scene).mean(axis=0)
+    sensor["to_world"][2, 3] = 5e4
+    scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
+    assert_mean(pixels(scene), near.mean(axis=(0, 1)))
+
+
 def test_colours_of_a_grid_have_transmittances_of_their_own():
     values = np.array([0.2, 1.0, 0.0, 0.8, 0.4, 0.6]).reshape(2, 1, 1, 3)
     medium = grid(values, CUBE, albedo=0.0)
