@@ -66,6 +66,9 @@ class LightChoice(NamedTuple):
     sides: NDArray[np.int32]  # (BSDFs,) IN_FRONT, BOTH_SIDES or ANY_NORMAL
     environment: int  # light that a ray finds which hits nothing, -1: none
     by_pair: int  # 1: the first number of a draw chooses, 0: the fourth
+    # 1: by the place alone, of points in media and on surfaces. A path that finds a light
+    # behind surfaces that it went straight through still knows that of its last event.
+    by_place: int
 
 
 class Chosen(NamedTuple):
@@ -200,6 +203,8 @@ def walk(choice, receiver, wanted, light, number, valid):
 
 @kernel
 def _receiver(choice, position, normal, wo, bsdf, mask):
+    if choice.by_place != 0:
+        return Receiver(position, normal, splat_mask(False), splat_mask(True))
     front = dot(wo, normal) > 0.0
     sides = gather_row(choice.sides, 0, bsdf, mask & (bsdf >= 0))
     return Receiver(
@@ -255,9 +260,12 @@ def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, coun
         if mask_bits(found) == 0:
             continue
         point = load_row(rays.point, 0, i)
+        position = gather3(points.position, point, found)
+        if choice.by_place != 0:
+            position = load3(rays.previous, i)
         receiver = _receiver(
             choice,
-            gather3(points.position, point, found),
+            position,
             gather3(points.shading_normal, point, found),
             gather3(points.wo, point, found),
             gather_row(points.bsdf, 0, point, found),

@@ -166,6 +166,7 @@ def light_choice(
     environment: int,
     *,
     by_pair: bool,
+    by_place: bool = False,
     sampled: NDArray[np.int32] | None = None,
 ) -> LightChoice | None:
     """Return the record that lights are chosen by; None for too many at infinity.
@@ -182,6 +183,8 @@ def light_choice(
     by_pair
         The first number of a draw is better spread than the fourth, and chooses where
         enough is left of it.
+    by_place
+        Points choose by their place alone, as those in media have no normal.
     sampled
         Which lights may be chosen; None: all.
     """
@@ -241,6 +244,7 @@ def light_choice(
         sides,
         environment,
         int(by_pair and len(able) <= MOST_BY_PAIR * UNIFORM),
+        int(by_place),
     )
 
 

@@ -180,13 +180,6 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     sampled_whole = not has_lights_beside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
-    if INTEGRATORS[decision.method].media:  # how lights are chosen there
-        if options.light_choice == "importance":
-            raise SceneError(
-                f"{scene.description.source}: light choice 'importance': volpath chooses "
-                "all lights equally often; possible is 'uniform'"
-            )
-        choice = "uniform"
     if replay:
         check_replay(requested, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
@@ -197,6 +190,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
             has_even_sky(scene.description)
             and not loses_light
             and strategy == "both"
+            and not INTEGRATORS[decision.method].media
             and max(decision.light_samples, decision.bsdf_samples) == 1
             and all(map(reaches_all, scene.materials.bsdfs))
         )

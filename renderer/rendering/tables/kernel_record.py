@@ -169,10 +169,11 @@ class _SceneTables:
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
             choice = scene.once(
-                ("choice of lights", by_pair, plan.finds_sky),
+                ("choice of lights", by_pair, plan.kind.media, plan.finds_sky),
                 choice_of_light,
                 scene,
                 by_pair,
+                plan.kind.media,
                 plan.finds_sky,
             )
         if plan.kind.sees_lights and has_lights(scene):

@@ -100,11 +100,13 @@ def _choice_methods(
     return tables.table([(tables.pack(choice), methods)], 2)
 
 
-def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice | None:
+def choice_of_light(
+    scene: Scene, by_pair: bool, by_place: bool, finds_sky: bool
+) -> LightChoice | None:
     """Return how one of several lights is chosen; None for uniformly.
 
-    `by_pair`: the first number of a draw is better spread than the fourth. `finds_sky`: an
-    even sky is none of them.
+    `by_pair`: the first number of a draw is better spread than the fourth. `by_place`: by
+    the place alone. `finds_sky`: an even sky is none of them.
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)
@@ -116,4 +118,6 @@ def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice
     environment = order.of_emitters[skies.index(True)] if any(skies) else -1
     if environment not in sampled:
         environment = -1
-    return light_choice(bounds, sides, environment, by_pair=by_pair, sampled=sampled)
+    return light_choice(
+        bounds, sides, environment, by_pair=by_pair, by_place=by_place, sampled=sampled
+    )

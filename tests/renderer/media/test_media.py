@@ -371,6 +371,26 @@ def test_the_simple_path_tracer_finds_the_same_light(shape):
     assert (np.abs(both[0].mean(axis=0) - both[1].mean(axis=0)) <= 6.0 * error).all()
 
 
+def test_how_lights_are_chosen_changes_the_noise_alone():
+    """Five lamps, one of which is seen through a boundary, and a sky; a floor and mist."""
+    lamps = {
+        f"lamp {k}": LAMP | {"to_world": scaled(0.3, at=(k - 2.0, 1.5, -1.0))}
+        for k in range(4)
+    }
+    lamps["behind"] = LAMP | {"to_world": scaled(0.5, at=(0.0, 0.0, -3.0))}
+    mist = homogeneous((0.9, 0.5, 0.2), 0.9, phase=PHASES["hg"])
+    boundary = {"type": "sphere", "bsdf": NULL}
+    scene = described(
+        mist, depth=6, shape=boundary, more={"floor": FLOOR, **lamps}, fov=40.0
+    )
+    one, other = (pixels(scene, 32, light_choice=way) for way in ("importance", "uniform"))
+    means = [part.reshape(32, -1, 3).mean(axis=1) for part in (one, other)]
+    error = np.sqrt(sum(part.var(axis=0, ddof=1) / 32 for part in means))
+    assert (error < 0.02 * means[1].mean(axis=0)).all()
+    apart = np.abs(means[0].mean(axis=0) - means[1].mean(axis=0))
+    assert (apart <= LIMIT * error).all()
+
+
 def test_a_colour_that_nothing_absorbs_sees_the_sky_in_the_simple_path_tracer():
     """Without an end of the medium the other two are black: closest to 0 times infinity."""
     fog = homogeneous((0.0, 0.5, 0.5), 0.5)
