@@ -6,6 +6,7 @@ needs it, and not at the start of a bounce.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from renderer.scene_file.description import (
 
 # rows of `Replay.numbers` behind those of a bounce
 CHANNEL = 10  # the colour by which distances are chosen: 0, 1 or 2
-PASSED = 11  # RGB: what a shadow ray lets through; `TO_DO` before it is traced
+PASSED = 11  # RGB: what a shadow ray lets through; its red is `TO_DO` before it is traced
 ROWS_IN_MEDIA = 14
 TO_DO = np.float32(-1.0)
 
@@ -91,6 +92,19 @@ def draw_each(replay, tile, sample, slots, i, mask, numbers):
 
 
 @kernel
+def draw_depths(replay, tile, sample, slots, i, mask, numbers):
+    """Return -ln(1 - u) of the next numbers, rounded once as the C library does."""
+    u = draw_each(replay, tile, sample, slots, i, mask, numbers)
+    bits = mask_bits(mask)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        left = np.float32(1.0) - lane(u, j)
+        numbers[0, i + j] = np.float32(-math.log(np.float64(left)))
+    return load_row(numbers, 0, i)
+
+
+@kernel
 def skip_each(replay, tile, slots, i, mask):
     """Do as a draw of Mitsuba's that is masked out at the masked slots i to i + 15."""
     bits = mask_bits(mask)
@@ -116,8 +130,14 @@ def draw_light(replay, tile, sample, slot):
     pixel, numbers = pixel_of(tile, slot), replay.numbers
     x, y = next_2d(replay.sequence, pixel, sample)
     numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = x, y
+    numbers[PASSED, pixel] = TO_DO
+
+
+@kernel
+def nothing_passes(replay, pixel):
+    """Note that no light arrives at a pixel's path."""
     for c in range(3):
-        numbers[PASSED + c, pixel] = TO_DO
+        replay.numbers[PASSED + c, pixel] = np.float32(0.0)
 
 
 @kernel

@@ -61,6 +61,7 @@ from renderer.replay.media.record import (
     draw_channel,
     draw_direction,
     draw_light,
+    nothing_passes,
     pixel_of,
 )
 from renderer.replay.sequences import BSDF, BSDF_CHOICE
@@ -115,12 +116,12 @@ def _draw_lights(order, tile, sample, work, count, collisions):
         if hits.prim[k] < 0:
             continue
         slot, shape = rays.slot[k], scene.primitives.shape[hits.prim[k]]
-        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        nothing_passes(replay, pixel_of(tile, slot))
         if replay.smooth[shape] == 1 and state.depth[slot] < last:
             draw_light(replay, tile, sample, slot)
     for k in range(collisions):
         slot = points.slot[k]
-        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        nothing_passes(replay, pixel_of(tile, slot))
         if order.lit[points.bsdf[k]] == 1:
             draw_light(replay, tile, sample, slot)
 
@@ -164,8 +165,8 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         pixel = pixel_of(tile, slot)
         if replay.numbers[PASSED, pixel] != TO_DO:  # the point stands in two groups
             continue
+        nothing_passes(replay, pixel)
         for c in range(3):
-            replay.numbers[PASSED + c, pixel] = np.float32(0.0)
             rays.origin[c, kept] = rays.origin[c, k]
             rays.direction[c, kept] = rays.direction[c, k]
         medium = state.medium[slot]
@@ -187,8 +188,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     for i in range(count):  # samples of density 0
         pixel = pixel_of(tile, points.slot[i])
         if replay.numbers[PASSED, pixel] == TO_DO:
-            for c in range(3):
-                replay.numbers[PASSED + c, pixel] = np.float32(0.0)
+            nothing_passes(replay, pixel)
 
 
 @kernel
