@@ -63,6 +63,7 @@ from renderer.replay.media.record import (
     draw_light,
     nothing_passes,
     pixel_of,
+    sees_own_plane,
 )
 from renderer.replay.sequences import BSDF, BSDF_CHOICE
 
@@ -141,10 +142,26 @@ def _wanted(order, tile, samples, slot, i, valid):
 
 
 @kernel
+def _drop_own_planes(order, tile, work, points, count):
+    """Let nothing pass where a rectangle that shines would light itself."""
+    lights, numbers = work.light_samples.light, work.numbers
+    for i in range(count):
+        light = lights[i]
+        own = order.scene.shapes.light[points.shape[i]]
+        if own != light:
+            continue
+        place = column(points.position, i)
+        if sees_own_plane(order, light, place, numbers[0, i], numbers[1, i]):
+            nothing_passes(order.replay, pixel_of(tile, points.slot[i]))
+
+
+@kernel
 def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     """Note by pixel what the shadow rays of the first `count` points let through."""
     scene, replay, state = order.scene, order.replay, work.media
     samples, rays, hits = work.light_samples, state.rays, state.hits
+    if at_surfaces:
+        _drop_own_planes(order, tile, work, points, count)
     one, end = splat_f32(1.0), np.int64(0)
     for i in range(0, count, 16):
         slot = load_row(points.slot, 0, i)
