@@ -28,7 +28,7 @@ from renderer.kernels.lanes.functions import (
     splat_mask,
     to_i32,
 )
-from renderer.kernels.lanes.mathematics import exp, log
+from renderer.kernels.lanes.mathematics import exp
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_where
 from renderer.kernels.lanes.vectors import (
     append3,
@@ -40,9 +40,11 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.kernels.records.batch import sample_key
 from renderer.plugins.media.free_flight import albedo_at, box_of, mean, sigma_t_at
+from renderer.replay.directions import fused_sum
 from renderer.replay.media.record import (
     CHANNEL,
     PASSED,
+    draw_depths,
     draw_each,
     pixel_of,
     skip_each,
@@ -68,8 +70,8 @@ def _of_channel(color, channel):
 
 
 @kernel
-def _collide(order, medium, channel, origin, direction, end, surface, u, inside):
-    """Choose the next tentative collision from u, before `end` and before the surface."""
+def _collide(order, medium, channel, origin, direction, end, surface, depth, inside):
+    """Choose the tentative collision at an optical depth, before `end` and the surface."""
     media = order.scene.media
     varies = inside & (gather_row(media.majorant, 0, medium, inside) > 0.0)
     grey = gather_row(order.majorant, 0, medium, varies)
@@ -83,7 +85,6 @@ def _collide(order, medium, channel, origin, direction, end, surface, u, inside)
         far = select(varies, last, far)
         open_ = inside & (~varies | (first <= last))
     sigma = _of_channel(majorant, channel)
-    depth = -log(1.0 - u)  # optical
     t = near + select(sigma > 0.0, depth / sigma, splat_f32(_INFINITE))
     valid = open_ & (t <= far) & (t < _INFINITE) & ~(surface < t)
     t = select(valid, t, splat_f32(_INFINITE))
@@ -183,7 +184,7 @@ def fly_in_order(order, tile, sample, work, count):
             if mask_bits(inside) == 0:
                 break
 
-            u = draw_each(replay, tile, sample, rays.slot, i, inside, numbers)
+            u = draw_depths(replay, tile, sample, rays.slot, i, inside, numbers)
             end = splat_f32(_INFINITE)
             step = _collide(
                 order, medium, channel, origin, direction, end, surface, u, inside
@@ -200,7 +201,7 @@ def fly_in_order(order, tile, sample, work, count):
             if mask_bits(valid) == 0:
                 break
 
-            at = origin + direction * select(valid, step.t, splat_f32(0.0))
+            at = fused_sum(direction, select(valid, step.t, splat_f32(0.0)), origin)
             null, factor = _event(media, medium, at, step, spectral, v)
             real = valid & ~null
             throughput = select3(valid, throughput * factor, throughput)
@@ -250,7 +251,7 @@ def attenuate_in_order(order, tile, sample, work, count):
             over = on & ~(rest > 0.0)
             arrives = arrives | over
             on = on & ~over
-            u = draw_each(replay, tile, sample, rays.slot, i, on, numbers)
+            u = draw_depths(replay, tile, sample, rays.slot, i, on, numbers)
             step = _collide(order, medium, channel, origin, direction, rest, surface, u, on)
             end = minimum(rest, minimum(step.t, surface))
             crossed = (surface < step.t) | (step.t > rest)
@@ -261,7 +262,7 @@ def attenuate_in_order(order, tile, sample, work, count):
             if mask_bits(valid) == 0:
                 break
             t = select(valid, step.t, splat_f32(0.0))
-            at = origin + direction * t
+            at = fused_sum(direction, t, origin)
             sigma_t = sigma_t_at(media, medium, at, valid)
             left = select3(step.varies, step.majorant - sigma_t, sigma_t * 0.0)
             ratio = select3(spectral, left, left / step.majorant)

@@ -6,6 +6,7 @@ needs it, and not at the start of a bounce.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import lane, lowest_bit, mask_bits
 from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import column3, vec3
 from renderer.kernels.records.batch import slot_pixel
+from renderer.replay.arithmetic import fused_affine, fused_multiply_add
 from renderer.replay.sequences import (
     BSDF,
     BSDF_CHOICE,
@@ -29,13 +32,15 @@ from renderer.scene.media_tables import media_of
 from renderer.scene_file.description import (
     DirectionalLight,
     PointLight,
+    Rectangle,
     SceneDescription,
     SpotLight,
 )
+from renderer.scene_file.transforms import place_normals
 
 # rows of `Replay.numbers` behind those of a bounce
 CHANNEL = 10  # the colour by which distances are chosen: 0, 1 or 2
-PASSED = 11  # RGB: what a shadow ray lets through; `TO_DO` before it is traced
+PASSED = 11  # RGB: what a shadow ray lets through; its red is `TO_DO` before it is traced
 ROWS_IN_MEDIA = 14
 TO_DO = np.float32(-1.0)
 
@@ -50,6 +55,8 @@ class InOrder(NamedTuple):
     lit: NDArray[np.int32]  # (n,) 1: sample_emitters
     # (lights,) 1: at a point, or in one direction: always worth a shadow ray to Mitsuba
     delta: NDArray[np.int32]
+    # (15, lights) of a rectangle that shines: its matrix by rows, and its unit normal
+    rectangles: NDArray[np.float32]
 
 
 def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrder:
@@ -59,6 +66,14 @@ def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrd
     lights = zip(light_order(description).of_emitters, description.emitters, strict=True)
     for light, emitter in lights:
         delta[light] = isinstance(emitter, PointLight | SpotLight | DirectionalLight)
+    rectangles = np.zeros((15, len(delta)), np.float32)
+    shapes = zip(light_order(description).of_shapes, description.shapes, strict=True)
+    for light, shape in shapes:
+        if light >= 0 and isinstance(shape, Rectangle):
+            rectangles[:12, light] = shape.to_world[:3].ravel()
+            up = np.array([[0, 0, 1]])
+            normal = place_normals(shape.to_world, up)[0]
+            rectangles[12:, light] = normal
     majorants = [np.float32(m.scale) * np.float32(m.sigma_t.maximum) for m in media]
     return InOrder(
         scene,
@@ -67,7 +82,30 @@ def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrd
         np.array([*(m.has_spectral_extinction for m in media), 1], np.int32),
         np.array([*(m.sample_emitters for m in media), 1], np.int32),
         delta,
+        rectangles,
     )
+
+
+@kernel
+def sees_own_plane(order, light, position, u, v):
+    """Return whether Mitsuba's density is 0 at (u, v) of the rectangle that a point is on.
+
+    The direction lies in the rectangle, but for rounding, which decides.
+    """
+    m = order.rectangles
+    n = column3(m, 12, light)
+    if n.x == np.float32(0.0) and n.y == np.float32(0.0) and n.z == np.float32(0.0):
+        return False  # no rectangle
+    x = fused_multiply_add(u, np.float32(2.0), np.float32(-1.0))
+    y = fused_multiply_add(v, np.float32(2.0), np.float32(-1.0))
+    p = vec3(
+        fused_affine(column3(m, 0, light), m[3, light], vec3(x, y, np.float32(0.0))),
+        fused_affine(column3(m, 4, light), m[7, light], vec3(x, y, np.float32(0.0))),
+        fused_affine(column3(m, 8, light), m[11, light], vec3(x, y, np.float32(0.0))),
+    )
+    d = p - position
+    d = d * (np.float32(1.0) / np.sqrt((d.x * d.x + d.z * d.z) + d.y * d.y))
+    return (d.x * n.x + d.y * n.y) + d.z * n.z == np.float32(0.0)
 
 
 @kernel
@@ -87,6 +125,19 @@ def draw_each(replay, tile, sample, slots, i, mask, numbers):
         bits &= bits - 1
         pixel = pixel_of(tile, lane(slot, j))
         numbers[0, i + j] = next_1d(replay.sequence, pixel, sample)
+    return load_row(numbers, 0, i)
+
+
+@kernel
+def draw_depths(replay, tile, sample, slots, i, mask, numbers):
+    """Return -ln(1 - u) of the next numbers, rounded once as the C library does."""
+    u = draw_each(replay, tile, sample, slots, i, mask, numbers)
+    bits = mask_bits(mask)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        left = np.float32(1.0) - lane(u, j)
+        numbers[0, i + j] = np.float32(-math.log(np.float64(left)))
     return load_row(numbers, 0, i)
 
 
@@ -116,8 +167,14 @@ def draw_light(replay, tile, sample, slot):
     pixel, numbers = pixel_of(tile, slot), replay.numbers
     x, y = next_2d(replay.sequence, pixel, sample)
     numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = x, y
+    numbers[PASSED, pixel] = TO_DO
+
+
+@kernel
+def nothing_passes(replay, pixel):
+    """Note that no light arrives at a pixel's path."""
     for c in range(3):
-        numbers[PASSED + c, pixel] = TO_DO
+        replay.numbers[PASSED + c, pixel] = np.float32(0.0)
 
 
 @kernel

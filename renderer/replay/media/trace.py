@@ -61,7 +61,9 @@ from renderer.replay.media.record import (
     draw_channel,
     draw_direction,
     draw_light,
+    nothing_passes,
     pixel_of,
+    sees_own_plane,
 )
 from renderer.replay.sequences import BSDF, BSDF_CHOICE
 
@@ -115,12 +117,12 @@ def _draw_lights(order, tile, sample, work, count, collisions):
         if hits.prim[k] < 0:
             continue
         slot, shape = rays.slot[k], scene.primitives.shape[hits.prim[k]]
-        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        nothing_passes(replay, pixel_of(tile, slot))
         if replay.smooth[shape] == 1 and state.depth[slot] < last:
             draw_light(replay, tile, sample, slot)
     for k in range(collisions):
         slot = points.slot[k]
-        replay.numbers[PASSED, pixel_of(tile, slot)] = np.float32(0.0)
+        nothing_passes(replay, pixel_of(tile, slot))
         if order.lit[points.bsdf[k]] == 1:
             draw_light(replay, tile, sample, slot)
 
@@ -140,10 +142,26 @@ def _wanted(order, tile, samples, slot, i, valid):
 
 
 @kernel
+def _drop_own_planes(order, tile, work, points, count):
+    """Let nothing pass where a rectangle that shines would light itself."""
+    lights, numbers = work.light_samples.light, work.numbers
+    for i in range(count):
+        light = lights[i]
+        own = order.scene.shapes.light[points.shape[i]]
+        if own != light:
+            continue
+        place = column(points.position, i)
+        if sees_own_plane(order, light, place, numbers[0, i], numbers[1, i]):
+            nothing_passes(order.replay, pixel_of(tile, points.slot[i]))
+
+
+@kernel
 def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     """Note by pixel what the shadow rays of the first `count` points let through."""
     scene, replay, state = order.scene, order.replay, work.media
     samples, rays, hits = work.light_samples, state.rays, state.hits
+    if at_surfaces:
+        _drop_own_planes(order, tile, work, points, count)
     one, end = splat_f32(1.0), np.int64(0)
     for i in range(0, count, 16):
         slot = load_row(points.slot, 0, i)
@@ -164,8 +182,8 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         pixel = pixel_of(tile, slot)
         if replay.numbers[PASSED, pixel] != TO_DO:  # the point stands in two groups
             continue
+        nothing_passes(replay, pixel)
         for c in range(3):
-            replay.numbers[PASSED + c, pixel] = np.float32(0.0)
             rays.origin[c, kept] = rays.origin[c, k]
             rays.direction[c, kept] = rays.direction[c, k]
         medium = state.medium[slot]
@@ -187,8 +205,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     for i in range(count):  # samples of density 0
         pixel = pixel_of(tile, points.slot[i])
         if replay.numbers[PASSED, pixel] == TO_DO:
-            for c in range(3):
-                replay.numbers[PASSED + c, pixel] = np.float32(0.0)
+            nothing_passes(replay, pixel)
 
 
 @kernel
