@@ -51,6 +51,13 @@ def _number_in_file(lights, samples, count):
 
 
 @kernel
+def samples_lights(scene):
+    """Return whether lights are sampled at all: in some way one of them is chosen."""
+    by_importance = scene.lights.choice.shape[0] != 0
+    return by_importance or scene.sampler[0, CHOOSE_LIGHT] != 0
+
+
+@kernel
 def sample_lights(scene, turn, tile, sample, bounce, work, count):
     """Sample one light from each of the first `count` points.
 

@@ -12,6 +12,7 @@ from renderer.integrators.stages.direct_light import (
     BEFORE_LIGHT,
     cast_shadow_rays,
     sample_lights,
+    samples_lights,
 )
 from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.materials import prepare_bsdfs
@@ -40,7 +41,6 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.kernels.records.batch import Workspace
 from renderer.kernels.records.kernel_scene import (
-    CHOOSE_LIGHT,
     DRAW,
     FIRST_BSDF,
     LET_THROUGH,
@@ -290,7 +290,7 @@ def cast_from_collisions(scene, work, count):
 @kernel
 def light_collisions(scene, tile, sample, step, work, count):
     """Add the direct light at the collisions of paths with media."""
-    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
+    if count == 0 or not samples_lights(scene):
         return
     there = with_rays_and_points(
         work, work.rays, work.hits, work.media.collisions, work.order, work.ends

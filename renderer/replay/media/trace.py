@@ -16,6 +16,7 @@ from renderer.integrators.stages.direct_light import (
     BEFORE_LIGHT,
     cast_shadow_rays,
     sample_lights,
+    samples_lights,
     shadow_rays_to,
 )
 from renderer.integrators.stages.emission import add_emitted_light
@@ -49,7 +50,6 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row
 from renderer.kernels.lanes.vectors import append3, column, dot, load3, vec3
 from renderer.kernels.records.batch import sample_key
-from renderer.kernels.records.kernel_scene import CHOOSE_LIGHT
 from renderer.kernels.records.media import VACUUM
 from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.media.phase_functions import eval_phase
@@ -223,7 +223,7 @@ def _add_light(order, tile, work, cast):
 def _light_surfaces(order, tile, sample, work):
     scene, points = order.scene, work.points
     count = work.ends[scene.bsdfs.smooth]
-    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:  # there are no lights
+    if count == 0 or not samples_lights(scene):
         return
     keep_surfaces(work, count)
     sample_lights(scene, np.int64(0), tile, sample, np.int64(0), work, count)
@@ -234,7 +234,7 @@ def _light_surfaces(order, tile, sample, work):
 @kernel
 def _light_collisions(order, tile, sample, work, count):
     scene, points = order.scene, work.media.collisions
-    if count == 0 or scene.sampler[0, CHOOSE_LIGHT] == 0:
+    if count == 0 or not samples_lights(scene):
         return
     there = with_rays_and_points(work, work.rays, work.hits, points, work.order, work.ends)
     sample_lights(scene, np.int64(0), tile, sample, np.int64(0), there, count)

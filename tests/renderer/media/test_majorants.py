@@ -30,7 +30,7 @@ def test_the_bounds_of_a_cell_hold_in_it(wrap, filter_type):
     found = 9.0 * numbers_at(grid, places)
     assert (found.max(axis=1) <= largest).all()
     assert (found.min(axis=1) >= smallest).all()
-    assert largest.mean() < 0.9 * 9.0 * values.max()
+    assert (largest < 0.99 * 9.0 * values.max()).any()
 
 
 def numbers_at(grid, places):

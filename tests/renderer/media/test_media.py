@@ -144,6 +144,7 @@ def test_smoke_far_away_is_as_thin_as_nearby():
     sensor = parallel(0.5, spp=512)
     scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
     near = pixels(scene, seeds=96).mean(axis=0)
+    sensor |= {"far_clip": 1e6}
     sensor["to_world"][2, 3] = 5e4
     scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
     assert_mean(pixels(scene), near.mean(axis=(0, 1)))
@@ -378,11 +379,9 @@ def test_how_lights_are_chosen_changes_the_noise_alone():
         for k in range(4)
     }
     lamps["behind"] = LAMP | {"to_world": scaled(0.5, at=(0.0, 0.0, -3.0))}
-    mist = homogeneous((0.9, 0.5, 0.2), 0.9, phase=PHASES["hg"])
+    mist = homogeneous((0.9, 0.5, 0.2), 0.9, 2.0, phase=PHASES["hg"])
     boundary = {"type": "sphere", "bsdf": NULL}
-    scene = described(
-        mist, depth=6, shape=boundary, more={"floor": FLOOR, **lamps}, fov=40.0
-    )
+    scene = described(mist, depth=6, shape=boundary, more={"floor": FLOOR, **lamps})
     one, other = (pixels(scene, 32, light_choice=way) for way in ("importance", "uniform"))
     means = [part.reshape(32, -1, 3).mean(axis=1) for part in (one, other)]
     error = np.sqrt(sum(part.var(axis=0, ddof=1) / 32 for part in means))
