@@ -142,11 +142,11 @@ def test_smoke_far_away_is_as_thin_as_nearby():
     """At a distance of 50,000 a float32 has steps of 0.004: a ray still crosses cells."""
     values = np.linspace(0.0, 1.0, 64).reshape(4, 4, 4, 1) ** 2
     sensor = parallel(0.5, spp=512)
-    scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
+    scene = described(grid(values, CUBE, 1.5, albedo=0.0), more={"sensor": sensor})
     near = pixels(scene, seeds=96).mean(axis=0)
     sensor |= {"far_clip": 1e6}
     sensor["to_world"][2, 3] = 5e4
-    scene = described(grid(values, CUBE, 6.0, albedo=0.0), more={"sensor": sensor})
+    scene = described(grid(values, CUBE, 1.5, albedo=0.0), more={"sensor": sensor})
     assert_mean(pixels(scene), near.mean(axis=(0, 1)))
 
 
