@@ -8,11 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.integrators.stages.direct_light import (
-    BEFORE_LIGHT,
-    cast_shadow_rays,
-    sample_lights,
-)
+from renderer.integrators.stages.direct_light import cast_shadow_rays, sample_lights
 from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.materials import prepare_bsdfs
 from renderer.integrators.stages.media import FLIGHT_BLOCK, medium_behind
@@ -265,6 +261,7 @@ def light_collisions(scene, tile, sample, step, work, count):
     there = _with(work, work.rays, work.hits, points, work.order, work.ends)
     sample_lights(scene, np.int64(0), tile, sample, step, there, count)
     probability = light_probability(scene.lights, settings)
+    before_light = np.float32(settings.before_light)
     cast = np.int64(0)
     for i in range(0, count, 16):
         mine = first_lanes(count - i)
@@ -278,7 +275,7 @@ def light_collisions(scene, tile, sample, step, work, count):
         append3(shadow_rays.origin, cast, load3(points.position, i), lit)
         append3(shadow_rays.direction, cast, wi, lit)
         distance = load_row(samples.distance, 0, i)
-        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append_row(shadow_rays.t_max, 0, cast, distance * before_light, lit)
         append3(shadow_rays.radiance, cast, select3(lit, carried, black()), lit)
         append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
         cast += popcount(mask_bits(lit))

@@ -303,7 +303,7 @@ def test_other_pixels_than_rgb_are_warned_about(pixels: str) -> None:
     text = FILM.format(f'<string name="pixel_format" value="{pixels}"/>')
     described = ours("", sensor=SENSOR.format(text))
     assert described.camera.film == Film()
-    assert f"asks for {pixels.lower()} pixels; pictures are rgb" in described.warnings[0]
+    assert f"names {pixels.lower()} pixels; pictures are rgb" in described.warnings[0]
     reference(text)
 
 
@@ -341,7 +341,7 @@ def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> Non
         ),
         (
             props(focal_length="35mm", fov=9.0),
-            'found a value beside "fov", expected one of the two',
+            'found a value together with "fov", expected one of the two',
         ),
         (props(focal_length="0mm"), "found 0 mm, expected a length above 0"),
         (props(focal_length="x"), 'is "x"; expected a finite number'),
