@@ -8,7 +8,7 @@ import os
 from typing import Any
 
 from mitsuba_ref.records.request import MIN_THREADS
-from mitsuba_ref.reference.errors import MitsubaError
+from renderer.errors import SceneError
 from renderer.mitsuba_version import RULES, installed_version, why_unknown
 
 VARIANT = "scalar_rgb"
@@ -20,7 +20,7 @@ def load_mitsuba() -> Any:
 
     Raises
     ------
-    MitsubaError
+    SceneError
         As `check_version`.
     """
     check_version()
@@ -60,12 +60,12 @@ def check_version() -> None:
 
     Raises
     ------
-    MitsubaError
+    SceneError
         Which versions are known, and what can be done.
     """
     version = installed_version()
     if version is not None and version not in RULES:
-        raise MitsubaError(why_unknown(version))
+        raise SceneError(why_unknown(version))
 
 
 def drjit_version() -> str:
