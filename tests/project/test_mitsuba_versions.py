@@ -124,3 +124,14 @@ def test_numbers_of_a_version_reach_the_picture(other, height, of):
     for version, lit in ((NEWEST.version, False), (other.version, True)):
         image = renderer.render(loaded, ray_offset="mitsuba", mitsuba_version=version)
         assert (image.pixels.max() > 0.0) == lit, of
+
+
+def test_the_page_names_places_that_exist():
+    page = (ROOT / "docs" / "mitsuba-versions.md").read_text(encoding="utf-8")
+    places = re.findall(r"`([\w/]+\.py)::([\w.]+)`", page)
+    assert len(places) > 20
+    for path, symbol in places:
+        found = [file for file in (ROOT / path, ROOT / "renderer" / path) if file.exists()]
+        assert found, path
+        name = re.escape(symbol.rpartition(".")[2])
+        assert re.search(rf"\b(def|class) {name}\b|^{name} = ", found[0].read_text(), re.M)
