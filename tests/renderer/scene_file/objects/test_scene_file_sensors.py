@@ -334,7 +334,7 @@ def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> Non
         (props(fov=180.0), "found 180 degrees, expected a field of view betw"),
         (props(fov=0.0), "found 0 degrees"),
         (props(fov=-20.0), "found -20 degrees"),
-        (props(fov_axis="y"), 'a value without a fov, expected a "fov" besi'),
+        (props(fov_axis="y"), 'a value without a fov, expected a "fov" with'),
         (
             props(fov=9.0, fov_axis="z"),
             'found "z", expected one of x, y, diagonal, smaller, larger',
