@@ -53,7 +53,7 @@ class NotReplayable(SceneError):
 
 
 class NotAllowed(SceneError):
-    """A scene asks for what it may not have: a file outside of its folder, or memory.
+    """A scene wants what it may not have: a file outside of its folder, or memory.
 
     No other program is given it then, such as the renderer that ours is compared with.
     """

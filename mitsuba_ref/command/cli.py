@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from mitsuba_ref.command.trace_options import add_trace_options, asks_for_trace
 from mitsuba_ref.records.request import FEWEST_SEEDS, MIN_THREADS, TIME_LIMIT
 from mitsuba_ref.records.verdicts import statuses_in_words
+from mitsuba_ref.reference.variant import check_version
 from renderer.errors import SceneError
 from renderer.process.signals import leave_deleted_folder
 
@@ -41,6 +42,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs | None = None)
         options = _parse(given)
         leave_deleted_folder(options)
         scenes = _scene_files(options.scenes)
+        check_version()
     except SystemExit as stop:
         return int(stop.code or 0)
     except (FileNotFoundError, SceneError) as error:

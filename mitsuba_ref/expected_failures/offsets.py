@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 import renderer
 from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.planning.plan import RAY_OFFSETS
+from renderer.rendering.planning.plan import offset_rule
 from renderer.rendering.render_loop import run
 from renderer.rendering.render_options import RenderOptions
 
 FIXED = (0.0, 1e-3)  # a distance for all, as in many first renderers
-TIGHT, MITSUBA = RAY_OFFSETS["tight"], RAY_OFFSETS["mitsuba"]
+TIGHT, MITSUBA = offset_rule("tight")[:2], offset_rule("mitsuba")[:2]
 
 _PANE = """<scene version="3.0.0">
 <integrator type="whitted"><integer name="max_depth" value="2"/></integrator>

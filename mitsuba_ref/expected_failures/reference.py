@@ -1,4 +1,4 @@
-"""Mitsuba itself, where its own answer is not the one on paper (version 3.9.1)."""
+"""Mitsuba itself, where its own answer is not the one on paper."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ REGISTER = (
     ),
     ExpectedFailure(
         name="Mitsuba's epsilon",
-        what="new rays start by the rule of Mitsuba 3.9.1: the smallest gap seen into",
+        what="new rays start by the rule of Mitsuba: the smallest gap seen into",
         measure=functools.partial(offsets.smallest_gap, offsets.MITSUBA),
         measured=0.9e-4,
         band=(0.8e-4, 1.0e-4),

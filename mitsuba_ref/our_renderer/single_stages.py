@@ -11,7 +11,7 @@ from renderer.integrators.path import begin_bounce
 from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.direct_light import (
     cast_shadow_rays,
-    lights_asked,
+    lights_at_a_point,
     sample_lights,
 )
 from renderer.integrators.stages.emission import add_emitted_light
@@ -91,7 +91,7 @@ def prepare_step(scene, work):
 @entry_kernel
 def light_count(scene):
     """Return how many lights are sampled at each point."""
-    return lights_asked(scene.lights, scene.settings)
+    return lights_at_a_point(scene.lights, scene.settings)
 
 
 @entry_kernel

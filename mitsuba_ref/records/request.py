@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 MIN_THREADS = 2
-"""With one worker thread or none, Mitsuba 3.9.1 waits for ever when it reads or writes an
-EXR file, and a scene may hold EXR textures."""
+"""With one worker thread or none, Mitsuba waits for ever when it reads or writes an EXR
+file, and a scene may hold EXR textures."""
 
 FEWEST_SEEDS = 8
 """Of each renderer, for the ladder of tests. With fewer no relabelling reaches a p-value of

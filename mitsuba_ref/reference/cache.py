@@ -23,7 +23,8 @@ from mitsuba_ref.records.json_files import from_json, to_json
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
-from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
+from mitsuba_ref.reference.variant import drjit_version
+from renderer.mitsuba_version import installed_version
 from renderer.process.cache_folder import cache_folder
 from renderer.process.whole_file import whole_file, why_not_writable
 from renderer.scene_file.description import AOV_KINDS
@@ -111,7 +112,7 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     del wanted["threads"], wanted["plugins"], wanted["allow_outside"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
     contents = (*AOV_KINDS, str(ENTRIES))
-    for made_by in (mitsuba_version(), drjit_version(), *contents):
+    for made_by in (installed_version(), drjit_version(), *contents):
         digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
     plugins = with_neighbours(request.plugins) if request.plugins else []

@@ -8,13 +8,22 @@ import os
 from typing import Any
 
 from mitsuba_ref.records.request import MIN_THREADS
+from renderer.errors import SceneError
+from renderer.mitsuba_version import RULES, installed_version, why_unknown
 
 VARIANT = "scalar_rgb"
 
 
 @functools.cache
 def load_mitsuba() -> Any:
-    """Return mitsuba in `scalar_rgb`, quiet, with `whitted` and `merl` registered."""
+    """Return mitsuba in `scalar_rgb`, quiet, with `whitted` and `merl` registered.
+
+    Raises
+    ------
+    SceneError
+        As `check_version`.
+    """
+    check_version()
     import drjit
     import mitsuba
 
@@ -46,9 +55,17 @@ def set_threads(threads: int | None) -> int:
     return count
 
 
-def mitsuba_version() -> str:
-    """Return the installed version without importing Mitsuba (an import takes a while)."""
-    return importlib.metadata.version("mitsuba")
+def check_version() -> None:
+    """Refuse an installed Mitsuba that no entry of `RULES` is about.
+
+    Raises
+    ------
+    SceneError
+        Which versions are known, and what can be done.
+    """
+    version = installed_version()
+    if version is not None and version not in RULES:
+        raise SceneError(why_unknown(version))
 
 
 def drjit_version() -> str:

@@ -15,6 +15,7 @@ from typing import Any
 from mitsuba_ref.records.request import TIME_LIMIT
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.json_process import Answerer, JsonProcess, answer_requests
+from renderer.mitsuba_version import RULES, followed_version
 
 __all__ = ["Answerer", "VariantProcess", "answer_requests", "find_llvm"]
 
@@ -27,8 +28,7 @@ LLVM_FOLDERS = (
     "/opt/homebrew/opt/llvm*/lib",
     "/usr/local/opt/llvm*/lib",
 )
-# Mitsuba 3.9.1 aborts on 15 ("Cannot select: fminimum") and is known to work on 19.
-LLVM_MAJORS = range(16, 20)
+LLVM_MAJORS = RULES[followed_version()].llvm
 
 
 class VariantProcess(JsonProcess):

@@ -191,7 +191,7 @@ def choose_structure(
     if not SHAPES[kind].wide and requested in ("auto", "wide"):
         return Choice("bvh", "the tree for primitives that are tested one at a time")
     if requested != "auto":
-        return Choice(requested, "as asked for")
+        return Choice(requested, "as requested")
     sample = primitive_bounds(kind, _sample(surfaces, count))
     dimension = box_dimension(*sample)
     best, second = estimate_all(count, dimension, rays)[:2]

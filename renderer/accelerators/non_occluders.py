@@ -79,7 +79,7 @@ def never_between(
     lights
         Numbers of the lights that shadow rays go to.
     offsets
-        How far off its surface a ray starts, in rounding errors, and beside them.
+        How far off its surface a ray starts, in rounding errors, and in addition to them.
 
     Returns
     -------

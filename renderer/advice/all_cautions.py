@@ -1,4 +1,4 @@
-"""Cautions: what a scene asks of a method that the method is known to fail at.
+"""Cautions: what in a scene the chosen method is known to fail at.
 
 Each is drawn from the description alone. What stands in front of what, and what mirrors
 show, is not looked at: a caution holds where the camera sees what it names. Silence is no

@@ -209,7 +209,7 @@ def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
     Rough glass is found by shadow rays and does not count. Spheres and meshes are looked
     at, not what several shapes enclose together.
     """
-    if not plan.asks_lights:
+    if not plan.samples_lights:
         return
     shapes = scene.description.shapes
     glass = [shape for shape in shapes if _stops(shape.bsdf) and is_closed(shape)]
@@ -304,7 +304,7 @@ def undersampled_lights(scene: Scene, plan: Plan) -> Iterator[str]:
     emitters = scene.description.emitters
     lamps = [e for e in emitters if isinstance(e, PointLight | SpotLight)]
     count = len(emitters) + sum(s.radiance is not None for s in scene.description.shapes)
-    uniform = plan.asks_lights and not plan.every_light and not plan.by_importance
+    uniform = plan.samples_lights and not plan.every_light and not plan.by_importance
     if not uniform or count < 2 or len(lamps) < count:
         return
     shapes = tuple(s for s in scene.description.every_shape if _asks_lamps(s))

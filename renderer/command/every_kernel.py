@@ -211,7 +211,7 @@ def _textures() -> Iterator[SmallScene]:
             bsdfs.append(_wrapped("bumpmap", "diffuse") | {"heights": texture})
         shapes = [_plugin("ply", bsdf=bsdf) for bsdf in bsdfs]
         yield SmallScene(texture["type"], _scene(*shapes, _LAMP), (_PATH,))
-        # beside a texture that has another in it all are read in another way
+        # with a texture that has another in it all are read in another way
         board = _plugin("checkerboard", color0=_BITMAP)
         nested = _plugin("ply", bsdf=_plugin("diffuse", reflectance=board))
         scene = _scene(*shapes, nested, _LAMP)

@@ -48,7 +48,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Return what the words of a command line ask for; None: those of the process.
+    """Return what the words of a command line mean; None: those of the process.
 
     Raises
     ------

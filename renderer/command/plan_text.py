@@ -45,7 +45,7 @@ def text_with(scene: Scene, options: RenderOptions) -> str:
         page += ["", "The colours, by the integrator inside", *_sections(its_plan)]
     page += _known_to_fail(*renders[-1])
     needs = estimate_all(renders, planned)
-    page += ["", "Memory, beside the scene", *_row("at most", _memory_text(needs))]
+    page += ["", "Memory in addition to the scene", *_row("at most", _memory_text(needs))]
     return "\n".join(page) + "\n"
 
 

@@ -1,7 +1,7 @@
 """A sweep: one picture for each number of `--frames`, as names and values that have it.
 
-`--frames 0:240 -D angle={frame*1.5} -o turn_####.exr` is 240 pictures. A record beside them
-says what each was made from, so that `--resume` renders those that are missing.
+`--frames 0:240 -D angle={frame*1.5} -o turn_####.exr` is 240 pictures. A record in their
+folder says what each was made from, so that `--resume` renders those that are missing.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def _shown(value: float) -> str:
 
 
 class SweepRecord:
-    """Which frames are finished, and what they were made from: JSON beside the pictures.
+    """Which frames are finished, and what they were made from: JSON in their folder.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`--view` and `--tev`: what shows a picture while it is rendered, besides the progress."""
+"""`--view` and `--tev`: what shows a picture while it is rendered, with the progress."""
 
 from __future__ import annotations
 

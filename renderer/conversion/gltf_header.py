@@ -1,4 +1,4 @@
-"""What the JSON of a glTF file says besides meshes: cameras, lights, what stays behind.
+"""What the JSON of a glTF file says, without meshes: cameras, lights, what stays behind.
 
 After the Khronos Group's "glTF 2.0 Specification": matrices are column by column, angles
 in radians; cameras and lights look along -z; a .glb file has a header of 12 bytes and then

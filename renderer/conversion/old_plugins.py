@@ -1,6 +1,6 @@
-"""What plugins and properties of Mitsuba 0.4 to 0.6 are in Mitsuba 3, besides their case.
+"""What plugins and properties of Mitsuba 0.4 to 0.6 are called in Mitsuba 3.
 
-Made from the parameters that Mitsuba 0.6 documents [Jakob2010] and those that 3.9.1 reads.
+Made from the parameters that Mitsuba 0.6 documents [Jakob2010] and those that 3 reads.
 Names of properties are written as in Mitsuba 3 (`max_depth`, not `maxDepth`).
 """
 

@@ -81,7 +81,9 @@ def _read(properties: Properties) -> Integrator:
     both = properties.has("shading_samples")
     separate = [n for n in ("emitter_samples", "bsdf_samples") if properties.has(n)]
     if both and separate:
-        properties.fail(separate[0], 'a value beside "shading_samples"', "one of the two")
+        properties.fail(
+            separate[0], 'a value together with "shading_samples"', "one of the two"
+        )
     shared = properties.integer("shading_samples", 1, at_least=1, at_most=MOST)
     lights, directions = (
         properties.integer(name, shared, at_least=0, at_most=MOST)
@@ -89,7 +91,7 @@ def _read(properties: Properties) -> Integrator:
     )
     if lights == directions == 0:
         properties.fail(
-            "bsdf_samples", '0 beside "emitter_samples" 0', "1 or more of either"
+            "bsdf_samples", '0 together with "emitter_samples" 0', "1 or more of either"
         )
     return Integrator(
         "direct",
@@ -101,7 +103,7 @@ def _read(properties: Properties) -> Integrator:
 
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
-    say("method", "direct, as asked for")
+    say("method", "direct, as requested")
     decision = decide_direct(case, min(case.depth, 2))
     lights, directions = decision.light_samples, decision.bsdf_samples
     if max(lights, directions) > 1:

@@ -114,7 +114,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
         return decide_direct(case, depth)
     if case.reduce and not case.lights:
         return decide_without_lights(case, say)
-    say("method", "path, as asked for")
+    say("method", "path, as requested")
     return whole_paths("path", case, mirrors=case.delta, random=depth > 2 or case.extended)
 
 

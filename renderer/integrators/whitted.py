@@ -80,7 +80,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
         depth = min(depth, 2)
         say("method", "whitted without recursion: there is no mirror and no glass")
     else:
-        say("method", "whitted, as asked for")
+        say("method", "whitted, as requested")
     return Decision(
         "whitted",
         depth,

@@ -37,7 +37,7 @@ def trace_work(scene, tile, sample, work):
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     say("method", "work: what camera rays cost; nothing is shaded")
     say("colours", COLOURS)
-    say("filter", "box, whatever the file asks for: counts stay in their pixel")
+    say("filter", "box, whatever the file names: counts stay in their pixel")
     return Decision("work")
 
 

@@ -147,7 +147,7 @@ def leave_deleted_folder(
 ) -> None:
     """Go to the root folder if the working directory was deleted; for programs alone.
 
-    Python and Numba ask for the working directory's name and fail without one.
+    Python and Numba need the working directory's name and fail without one.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """How far a picture is from its limit, told from the picture's own samples.
 
-The error of a picture a beside the limit r that it would reach with samples without end:
+The error of a picture a against the limit r that it would reach with samples without end:
 
     error = sqrt(mean((a - r)^2 / (r^2 + 0.01 m^2)))
 

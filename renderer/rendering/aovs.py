@@ -1,4 +1,4 @@
-"""The picture of the integrator inside of `aov`, beside which the AOVs stand."""
+"""The picture of the integrator inside of `aov`, in addition to the AOVs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
     nested = scene.description.integrator.nested
     if plan.method != "aov" or nested is None:
         return None
-    found: Scene = scene.once("colours beside AOVs", _under, scene, nested)
+    found: Scene = scene.once("colours with AOVs", _under, scene, nested)
     return found
 
 
@@ -31,7 +31,7 @@ def _under(scene: Scene, integrator: Integrator) -> Scene:
 
 
 def plans_of(scene: Scene, options: RenderOptions) -> list[tuple[Scene, Plan]]:
-    """Return what is rendered: the scene, and that of the colours beside AOVs.
+    """Return what is rendered: the scene, and that of the colours with AOVs.
 
     The colours have an integrator of their own.
 

@@ -109,7 +109,8 @@ def goal_of(options: RenderOptions, plan: Plan) -> Goal | None:
             "are, which is not known before the goal is reached; possible is --sampler "
             + " or ".join(OPEN_ENDED)
         )
-    return Goal(options.target_error, options.time_limit)
+    error = options.target_error
+    return Goal(None if error is None else float(error), options.time_limit)
 
 
 class Halves:
@@ -118,7 +119,7 @@ class Halves:
     Attributes
     ----------
     state : dict of str to array
-        All that there is to know besides the film's sums, to be kept with these.
+        All that there is to know in addition to the film's sums, to be kept with these.
     """
 
     def __init__(self, film: Film) -> None:

@@ -62,7 +62,7 @@ class Estimate(NamedTuple):
         """The sum."""
         return sum(self.parts.values())
 
-    def beside(self, other: Estimate) -> Estimate:
+    def together(self, other: Estimate) -> Estimate:
         """Return what this render and another one take that is there with it."""
         parts = {
             what: self.parts.get(what, 0) + other.parts.get(what, 0)
@@ -149,7 +149,7 @@ def estimate_all(
 ) -> Estimate:
     """Return what renders take that are there at the same time; see `estimate`."""
     each = (estimate(scene, plan, options, band) for scene, plan in renders)
-    return reduce(Estimate.beside, each)
+    return reduce(Estimate.together, each)
 
 
 def check_room(found: Estimate, source: str, possible: str) -> None:

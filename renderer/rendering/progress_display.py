@@ -34,7 +34,7 @@ class Progress:
     done: int  # samples so far
     total: int
     seconds: float  # in this stage
-    # of the picture so far, where a goal asks for it: infinite before it is known
+    # of the picture so far, where a goal needs it: infinite before it is known
     error: float | None = None
     resumed: int = 0  # samples of `done` that were in the checkpoint
     cluster: str = ""  # a line about its workers and what they did

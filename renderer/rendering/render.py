@@ -55,7 +55,7 @@ from renderer.scene.scene import Scene
 
 _END: Any = object()  # of the scenes of a sweep
 _OF_GUIDES = ("seed", "threads", "accel", "memory")  # options that they share
-AHEAD = 2  # pictures of a sweep that are under way on a cluster besides the first
+AHEAD = 2  # pictures of a sweep that are under way on a cluster after the first
 INSTEAD = (
     "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
     "(not with --frames, --cluster, --checkpoint or a goal); fewer threads; --memory SIZE, "
@@ -105,7 +105,7 @@ class Begun(NamedTuple):
     source: TileSource
     goal: Goal | None
     checkpoint: Checkpoint | None
-    colors: tuple[Scene, RenderOptions] | None  # a second render, of those beside AOVs
+    colors: tuple[Scene, RenderOptions] | None  # a second render, of those with AOVs
 
 
 def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
@@ -160,7 +160,7 @@ def _picture(begun: Begun, show: Show) -> Image:
 def _checkpoints(
     scene: Scene, options: RenderOptions, renders: list[Any]
 ) -> tuple[Checkpoint | None, RenderOptions]:
-    """Return the checkpoint, and the options of the colours beside AOVs with theirs."""
+    """Return the checkpoint, and the options of the colours of AOVs with theirs."""
     without = dataclasses.replace(
         options, integrator=None, checkpoint=None, resume=False, denoise=False
     )

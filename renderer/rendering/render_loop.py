@@ -31,7 +31,7 @@ class Outcome(NamedTuple):
     seconds: float  # of tracing; with those before a checkpoint
     trouble: str = ""  # of a cluster, that ended it
     has_goal: bool = False
-    accuracy: Accuracy | None = None  # known where a goal asks for it
+    accuracy: Accuracy | None = None  # known where a goal needs it
 
 
 def run(

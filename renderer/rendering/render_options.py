@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from renderer.errors import SceneError, did_you_mean
+from renderer.mitsuba_version import RULES, why_unknown
 from renderer.process.memory import parse_size
 from renderer.process.names import (
     ACCELERATORS,
@@ -69,6 +70,16 @@ def positive(name: str, value: Any) -> float:
     return float(value)
 
 
+def error_goal(name: str, value: Any) -> float:
+    """Return a relative error: a number, or a text such as 2%."""
+    if not isinstance(value, str):
+        return positive(name, value)
+    try:
+        return parse_error(value)
+    except ValueError as error:
+        raise SceneError(f"{name}: {error}; 0.02 and '2%' are possible") from None
+
+
 def truth(name: str, value: Any) -> bool:
     """Return True or False."""
     if type(value).__name__ not in ("bool", "bool_"):  # Python's or NumPy's
@@ -94,6 +105,13 @@ def names_and_texts(name: str, value: Any) -> Mapping[str, str]:
         possible = "a dictionary of names and texts is possible"
         raise TypeError(f"{name} is {shown_value(value)}; {possible}")
     return value  # type: ignore[no-any-return]
+
+
+def known_version(name: str, value: Any) -> str:
+    """Return a version of Mitsuba whose rules are known."""
+    if value not in RULES:
+        raise SceneError(f"{name}: {why_unknown(value)}")
+    return str(value)
 
 
 def parse_count(text: str) -> int:
@@ -156,7 +174,7 @@ def parse_cluster(where: str) -> str:
 
 
 # ------------------------------------------------------------------------------ options
-# `RenderOptions`: what `render` takes besides the scene, each option declared once.
+# `RenderOptions`: what `render` takes in addition to the scene, each option declared once.
 #
 # The keyword arguments of `render` and their documentation, the options of the command
 # line, what a checkpoint must agree in, what workers of a cluster are sent, and what
@@ -173,7 +191,7 @@ MOST_THREADS = 1024
 
 
 class Option(NamedTuple):
-    """What is known of an option besides its name, type and default value.
+    """What is known of an option in addition to its name, type and default value.
 
     Its roles are some of these words. `plan`: `make_plan` decides by it. `picture`: it is
     part of the command that gives the picture again. `identity`: a checkpoint goes on with
@@ -251,7 +269,7 @@ class RenderOptions:
         "--integrator NAME",
         "plan picture bands",
         f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
-        "what the file asks for",
+        "what the file requests",
         choices=INTEGRATORS,
     )
     accel: str | None = _option(
@@ -293,6 +311,14 @@ class RenderOptions:
         choices=RAY_OFFSETS,
         noun="ray offset",
     )
+    mitsuba_version: str | None = _option(
+        None,
+        "",
+        "plan bands",
+        f"with the sampler {REPLAY} or the ray offset mitsuba: the version of Mitsuba that "
+        f"is followed, {' or '.join(RULES)} (default: the installed one, else the newest)",
+        check=known_version,
+    )
     measured_camera: Sequence[float] | None = _option(
         None,
         "",
@@ -301,7 +327,7 @@ class RenderOptions:
         "machine, whose rounding is taken (`replay.camera`)",
         check=six_numbers,
     )
-    target_error: float | None = _option(
+    target_error: float | str | None = _option(
         None,
         "--target-error 2%",
         "",
@@ -310,7 +336,7 @@ class RenderOptions:
         "take, and a file's sampler whose points depend on their number gives way to "
         "independent",
         parse=parse_error,
-        check=positive,
+        check=error_goal,
     )
     time_limit: float | None = _option(
         None,

@@ -181,7 +181,7 @@ def unit(a):
 # The two roundings of that step leave the last bit of one quotient in two hundred to the
 # table, and tables differ between makers and generations of processors. So a replay
 # executes the same instruction as Embree on the same machine: with it (u, v) on triangles
-# were Mitsuba 3.9.1's bit for bit on 4640 of 4640 hits, with a division on 99.5 %.
+# were Mitsuba's bit for bit on 4640 of 4640 hits, with a division on 99.5 %.
 
 _FOUR = ir.VectorType(ir.FloatType(), 4)
 

@@ -159,6 +159,8 @@ def to_world_as_mitsuba(s, t, normal, local):
 class AsMitsuba(NamedTuple):
     """Directions and densities with the roundings of Mitsuba's scalar variants."""
 
+    ray_epsilon: float  # see `MitsubaRules`
+
 
 @cosine_direction.by(AsMitsuba)
 @kernel
@@ -192,9 +194,9 @@ def _tangents_of(arithmetic, points, i, normal):
     """
     s, t = orthonormal_basis(normal)
     along_u = load3(points.tangent, i)
-    across, beside = frame_as_mitsuba(along_u, normal)
+    along, across = frame_as_mitsuba(along_u, normal)
     nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
-    return select3(nowhere, s, across), select3(nowhere, t, beside)
+    return select3(nowhere, s, along), select3(nowhere, t, across)
 
 
 @density_normal.by(AsMitsuba)
@@ -221,7 +223,7 @@ def _seen_from(arithmetic, points, i):
 @near_surface.by(AsMitsuba)
 @kernel
 def _near_surface(arithmetic):
-    return np.float32(1500 * 2.0**-24)
+    return np.float32(arithmetic.ray_epsilon)
 
 
 @kernel

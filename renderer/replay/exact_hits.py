@@ -40,7 +40,7 @@ def _embree_inverse(matrices: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the inverse of (n, 3, 4), with instructions that every x86-64 processor has.
 
     Nothing is fused, and the cofactors are divided by the determinant: found by trying, in
-    Embree 3 of Mitsuba 3.9.1.
+    Mitsuba's Embree 3.
     """
     x, y, z, at = matrices.transpose(2, 1, 0)  # columns, each (3, n)
     rows = np.array([_cross(y, z), _cross(z, x), _cross(x, y)])
@@ -61,7 +61,7 @@ def _cross(a: Columns, b: Columns) -> Columns:
 # Its x86 builds use fused multiply-adds where ours never do. Most results then differ by
 # a rounding, which a replay forgives; two do not. The cumulated areas of a mesh light
 # decide which triangle a number chooses and how far it is into it, and the sign of a zero
-# decides the frame on a wall. The areas below agreed with Mitsuba 3.9.1 bit by bit.
+# decides the frame on a wall. The areas below agreed with Mitsuba bit by bit.
 
 
 def product_difference(a: Any, b: Any, c: Any) -> Any:

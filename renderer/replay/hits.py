@@ -44,8 +44,7 @@ from renderer.scene_file.transforms import place_normals, place_points
 #
 # Embree finds t and (u, v) with its own ray in the object's space; Mitsuba goes there by
 # another inverse, and follows its ray to the t of Embree's. Both agreed in all bits with
-# Mitsuba 3.9.1. `matrices` are those of `instance_matrices`; `instance` is
-# -1 outside of any.
+# Mitsuba. `matrices` are those of `instance_matrices`; `instance` is -1 outside of any.
 
 
 class ObjectRay(NamedTuple):
@@ -116,7 +115,7 @@ def placed_normal(matrices, instance, n):
 # (u, v) by Embree's robust test, which uses Plücker coordinates [Davidovic2012]; but
 # inside of groups by its fast one [Moeller1997], since Mitsuba sets the robust flag for
 # the structure of the scene only. Then the vertices weighted by (1 - u - v, u, v). Each
-# agreed in all bits with Mitsuba 3.9.1 on thousands of hits.
+# agreed in all bits with Mitsuba on thousands of hits.
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -282,7 +281,7 @@ EXACT[RectangleSurfaces] = _exact_rectangles
 # - spheres and cylinders: t in double precision; the point goes onto the surface;
 # - disks: t in the disk's own space; the point goes onto the plane.
 #
-# Each agreed in all bits with Mitsuba 3.9.1 on 500 to 3000 hits, where no rotation has
+# Each agreed in all bits with Mitsuba on 500 to 3000 hits, where no rotation has
 # rounded its radius or matrix first.
 
 _TWO_PI = np.float32(2.0 * np.pi)

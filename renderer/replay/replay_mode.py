@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from renderer.errors import NotReplayable
 from renderer.integrators.kind import IntegratorKind
 from renderer.kernels.jit import Packed, pack
+from renderer.mitsuba_version import NEWEST, MitsubaRules
 from renderer.plugins.lights.envmap import EnvironmentMaps
 from renderer.plugins.lights.spot import SpotLights
 from renderer.plugins.sampling.numbers_and_warps import Sampling
@@ -131,13 +132,18 @@ class Replayed:
     ----------
     measured_camera
         See `replay.camera.replay_camera`.
+    rules
+        Of the version that is followed. What differs by more than a number is another
+        class, with the same interface.
     """
 
-    arithmetic = AsMitsuba()
     previous_points = True
     in_order = True
 
-    def __init__(self, measured_camera: Sequence[float] | None) -> None:
+    def __init__(
+        self, measured_camera: Sequence[float] | None, rules: MitsubaRules = NEWEST
+    ) -> None:
+        self.arithmetic = AsMitsuba(rules.ray_epsilon)
         self._measured_camera = measured_camera
 
     def of_lights(self, media: bool) -> Any:

@@ -161,7 +161,7 @@ def _next_2d(sequence, pixel, sample):
 # bounce (`begin_bounce`) and stored by pixel; the stages read them as from any other
 # sampler. Samples of a pixel never go together (`Plan.level` is 0): each slot is a pixel.
 #
-# Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp,
+# Order within a sample (Mitsuba, src/render/integrator.cpp,
 # src/integrators/path.cpp): the place on the film, and that on the lens if there is one;
 # one number for the time if the shutter stays open; then at each hit from which the path
 # may go on: two numbers for a light sample if the surface has a smooth part (whichever

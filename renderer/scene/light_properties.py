@@ -38,7 +38,7 @@ def has_textured_lamps(description: SceneDescription) -> bool:
     return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
 
 
-def has_lights_beside_their_samples(description: SceneDescription) -> bool:
+def has_lights_outside_their_samples(description: SceneDescription) -> bool:
     """Return whether a light may emit in directions that light samples never choose.
 
     Samples of a compensated environment leave out directions below its mean. Samples of a

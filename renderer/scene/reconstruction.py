@@ -1,8 +1,8 @@
 """Reconstruction filters: how much a sample counts in the pixels around it.
 
 All six are separable, w(x, y) = w(x) w(y), symmetric, and zero beyond `radius`; x is the
-distance from the centre of a pixel [pixels]. They are defined exactly as in Mitsuba
-3.9.1, because its `scalar_rgb` is what our pictures are held against. What that variant
+distance from the centre of a pixel [pixels]. They are defined exactly as in Mitsuba,
+because its `scalar_rgb` is what our pictures are held against. What that variant
 does with them, and what a film that wants the same picture has to do:
 
 - **A table, not the formula.** The half-axis [0, radius] is cut into `TABLE_STEPS` equal

@@ -45,7 +45,7 @@ def read_file(
         The file. What it names is looked for in its own folder (and in those of its
         `<path>` elements), then in the working directory.
     allow_outside
-        Folders in whose trees it may name files, besides its own folder (docs/security.md).
+        Further folders, in whose trees it may name files (docs/security.md).
     **parameters
         Values for `$name` in the file; they win over its `<default>` elements.
 

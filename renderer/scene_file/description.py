@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.mitsuba_version import NEWEST
 from renderer.scene_file.images.image import Image
 from renderer.scene_file.media_description import GridVolume, Medium
 
@@ -492,7 +493,7 @@ class Film:
         """
         if not self.sample_border:
             return 0
-        return math.ceil(self.rfilter.radius - 0.5 - 2.0 * 1500.0 * 2.0**-24)
+        return math.ceil(self.rfilter.radius - 0.5 - 2.0 * NEWEST.ray_epsilon)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def rotate(axis: Sequence[float], degrees: float) -> Matrix:
     ----------
     axis
         Of length 1. It is used as it comes, and any other length gives no rotation:
-        so does Mitsuba 3.9.1, and the same file must mean the same scene.
+        so does Mitsuba, and the same file must mean the same scene.
     """
     vector = np.asarray(axis, dtype=np.float64)
     angle = math.radians(degrees)
@@ -54,7 +54,7 @@ def rotate(axis: Sequence[float], degrees: float) -> Matrix:
 
 
 def why_distorting(axis: Sequence[float]) -> str | None:
-    """Return what a rotation about this axis does besides rotating, or None."""
+    """Return what a rotation about this axis does in addition to rotating, or None."""
     length = math.hypot(*axis)
     if abs(length - 1.0) <= _UNIT:
         return None

@@ -70,7 +70,7 @@ def build_nested_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
 def _clipped(
     box: NDArray[np.float64], grid: Grid, cell: int, margin: float
 ) -> NDArray[np.float64]:
-    """Return the part of a box in a cell with a margin, outside of which no ray asks."""
+    """Return the part of a box in a cell with a margin, outside of which no ray looks."""
     place = np.unravel_index(cell, grid.resolution, order="F")
     low = grid.lower + np.array(place) * grid.size.astype(np.float64)
     high = low + grid.size + margin

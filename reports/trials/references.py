@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 import renderer
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference import edited_scene
-from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
+from mitsuba_ref.reference.variant import drjit_version
 from mitsuba_ref.speed import timed_mitsuba
+from renderer.mitsuba_version import installed_version
 from renderer.process.cache_folder import cache_folder
 from renderer.rendering.accuracy import relative_error
 from renderer.scene_file import SceneDescription
@@ -82,7 +83,7 @@ def long_picture(
     if made_from is None:
         parts = render()
     else:
-        by = (mitsuba_version(), drjit_version(), *map(_source, THEIRS))
+        by = (installed_version(), drjit_version(), *map(_source, THEIRS))
         parts = kept((origin, SEED, *by, *made_from), render)
     error = relative_error(parts.std(axis=0, ddof=1) / math.sqrt(PARTS), parts.mean(axis=0))
     return LongPicture(parts.mean(axis=0), error**2, origin)

@@ -50,7 +50,7 @@ from renderer.plugins.shapes.rectangle import RectangleSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
 from renderer.plugins.shapes.triangle import TriangleSurfaces
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
+from renderer.rendering.planning.plan import Plan, offset_rule
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.render_mode import RenderMode, Variant
 from renderer.scene.scene import Scene
@@ -300,7 +300,7 @@ def first_hit_plan(scene: Scene) -> Plan:
 
 def kernel_inputs(scene: Scene, ray_offset: str = "tight", accel: str = "brute") -> Inputs:
     """What the kernels get for first hits; the kinds of shapes decide what compiles."""
-    rounding, fixed = RAY_OFFSETS[ray_offset]
+    rounding, fixed, _ = offset_rule(ray_offset)
     inputs = Inputs(scene, first_hit_plan(scene), accel)
     return inputs.with_settings(rounding_offset=rounding, fixed_offset=fixed)
 

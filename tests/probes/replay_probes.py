@@ -160,7 +160,7 @@ def seen(inputs: Inputs, origin: Any, direction: Any, x: Any, y: Any) -> Seen:
     work, n = _points_at(inputs, origin, direction)
     numbers = [np.pad(float32(a), (0, -n % 16), "edge") for a in (x, y)]
     out = np.empty((3, n + -n % 16), np.float32)
-    points, bsdf = work.points, pack(BsdfMethods(DIFFUSE.form(), AsMitsuba()))
+    points, bsdf = work.points, pack(BsdfMethods(DIFFUSE.form(), AsMitsuba(0.0)))
     run_directions(bsdf, pack(points), n, *numbers, out)
     rows = (points.position, points.normal, points.shading_normal, points.uv, out)
     return Seen(*(row[:, :n].T.copy() for row in rows))

@@ -17,7 +17,6 @@ import renderer
 from renderer import __main__ as process
 from renderer.accelerators.build import BUILDERS
 from renderer.process import names
-from renderer.rendering.planning.plan import RAY_OFFSETS
 
 ROOT = Path(__file__).parents[2]
 SLOW = {"numba", "llvmlite", "scipy", "OpenEXR", "PIL", "rich"}
@@ -112,7 +111,6 @@ def test_public_names_are_what_they_were():
 
 def test_the_listed_names_are_those_that_exist():
     assert names.ACCELERATORS == ("auto", *BUILDERS)
-    assert names.RAY_OFFSETS == tuple(RAY_OFFSETS)
 
 
 @pytest.mark.parametrize("status", [0, 1, 130])

@@ -321,7 +321,7 @@ def test_help_and_version(capsys):
 
 EXPLAINED = {
     "cornell-box": [
-        "method        path, as asked for",
+        "method        path, as requested",
         "as the mean of random paths (Kajiya 1986)",
         "accelerator   24 triangles: boxes around objects",
         "accelerator   6 rectangles: brute force",
@@ -334,7 +334,7 @@ EXPLAINED = {
         "- point, spot, directional, constant, ",
     ],
     "appel-teapot": [
-        "method        direct, as asked for",
+        "method        direct, as requested",
         "accelerator   6348 triangles: a bounding volume hierarchy",
         "1 per pixel, at its centre: nothing is random",
         "- multiple importance sampling, emission at hits: all lights are points or",
@@ -342,7 +342,7 @@ EXPLAINED = {
         "- spot, directional, constant, ",
     ],
     "depth-and-normals": [
-        "file asks     aov, and the colours of direct",
+        "file says     aov, and the colours of direct",
         "accelerator   2 rectangles, 1 sphere, 1 cylinder: brute force",
         "The colours, by the integrator inside",
     ],
@@ -368,7 +368,7 @@ def test_explain_follows_the_options(capsys):
     text = capsys.readouterr().out
     assert "40 x 192 pixels" in text
     assert "(Appel 1968)" in text
-    assert "hierarchy by the surface area heuristic; as asked for" in " ".join(text.split())
+    assert "hierarchy by the surface area heuristic; as requested" in " ".join(text.split())
 
 
 def test_explain_with_an_output_renders_too(capsys):
@@ -379,7 +379,7 @@ def test_explain_with_an_output_renders_too(capsys):
 
 
 @pytest.mark.parametrize(
-    ("sampler", "asked", "count"),
+    ("sampler", "wanted", "count"),
     [
         ("independent", 5, 5),
         ("stratified", 5, 9),
@@ -389,12 +389,12 @@ def test_explain_with_an_output_renders_too(capsys):
         ("stratified", 16, 16),
     ],
 )
-def test_samples_are_rounded_as_mitsuba_rounds_them(capsys, sampler, asked, count):
+def test_samples_are_rounded_as_mitsuba_rounds_them(capsys, sampler, wanted, count):
     """Mitsuba's `set_sample_count` gives these [run, 3.9.1]; the explanation says so."""
-    assert main([CORNELL, "--explain", "--sampler", sampler, "--spp", str(asked)]) == 0
+    assert main([CORNELL, "--explain", "--sampler", sampler, "--spp", str(wanted)]) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert f"samples {count} per pixel, {sampler}" in words
-    assert (f"({asked} asked for; the sampler needs" in words) == (asked != count)
+    assert (f"({wanted} requested; the sampler needs" in words) == (wanted != count)
 
 
 @pytest.mark.parametrize(("spp", "net"), [(3000, 4096), (4096, None), (5000, None)])

@@ -1,4 +1,4 @@
-"""What Mitsuba 3.9.1 cannot do in `scalar_rgb`, or does wrong: undone on its side.
+"""What Mitsuba cannot do in `scalar_rgb`, or does wrong: undone on its side.
 
 Each leaves a sentence. Without the first two there would be no picture to compare, and
 without the others a picture or normals that are known to be wrong.
@@ -180,13 +180,13 @@ def wrong_by(changes: tuple[str, ...]) -> str:
     factor = next((c.removeprefix(WRONG) for c in changes if c.startswith(WRONG)), "")
     if factor:
         wrong.append(
-            f"by a factor of {factor}: Mitsuba 3.9.1 adds its {factor} emitter_samples of "
+            f"by a factor of {factor}: Mitsuba adds its {factor} emitter_samples of "
             "a light without extent undivided; with such lights divided by "
             f"{factor} on its side"
         )
     if UNSAMPLED in changes:
         wrong.append(
-            "in the light of lamps with vertex normals: Mitsuba 3.9.1 samples them with "
+            "in the light of lamps with vertex normals: Mitsuba samples them with "
             "the cosine of these normals instead of the triangles' own; with such lamps "
             "found by BSDF samples alone on its side"
         )

@@ -51,8 +51,8 @@ def _write_pair(sampler, tile, sample, block, film, row):
         x, y = slot_pixel(slot, tile.level)  # the next 16 are to the right of these
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
             continue
-        here, beside = sample_key(tile, slot), sample_key(tile, slot + 16)
-        a, b = draw4_twice(sampler, here, beside, sample, block)
+        here, after = sample_key(tile, slot), sample_key(tile, slot + 16)
+        a, b = draw4_twice(sampler, here, after, sample, block)
         _store(film, row, first, a, 2)
         _store(film, row, first + 16, b, 2)
 

@@ -1,7 +1,7 @@
 """Stage 5, direct light: L_o = sum over lights of f I / r^2 V cos, as shadow rays.
 
 In three steps that do not know each other: a light is sampled from each point, the BSDF
-there says what it reflects of it, and a shadow ray asks for the visibility V.
+there says what it reflects of it, and a shadow ray finds the visibility V.
 """
 
 from __future__ import annotations
@@ -28,14 +28,9 @@ from renderer.plugins.lights.choice import divide_by_probability
 from renderer.plugins.lights.kind import light_probability, light_sample_weight
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, to_local
 
-# Shadow rays end this fraction before the light, which must not shade itself: at the
-# silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4
-# of it). It is Mitsuba's own, so that both take the same decisions.
-BEFORE_LIGHT = np.float32(1.0 - 15000.0 * 2.0**-24)
-
 
 @kernel
-def lights_asked(lights, settings):
+def lights_at_a_point(lights, settings):
     """Return how many lights are sampled at each surface point."""
     sampled = np.int64(lights.sampled.size)
     return min(np.int64(1), sampled) if settings.every_light == 0 else sampled
@@ -126,6 +121,7 @@ def reflect_light(
 
     `probability` is that with which each light was chosen.
     """
+    before_light = np.float32(settings.before_light)
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -151,7 +147,7 @@ def reflect_light(
         origin, direction, distance = shadow_rays_to(points, i, wi, r)
         append3(shadow_rays.origin, cast, origin, lit)
         append3(shadow_rays.direction, cast, direction, lit)
-        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append_row(shadow_rays.t_max, 0, cast, distance * before_light, lit)
         append3(shadow_rays.radiance, cast, carried, lit)
         append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
         cast += popcount(mask_bits(lit))
@@ -189,7 +185,7 @@ def direct_light(scene, tile, sample, bounce, work):
     count = work.ends[scene.bsdfs.smooth]
     if count == 0:
         return
-    for turn in range(lights_asked(scene.lights, scene.settings)):
+    for turn in range(lights_at_a_point(scene.lights, scene.settings)):
         sample_lights(scene, turn, tile, sample, bounce, work, count)
         cast = cast_shadow_rays(scene, work)
         coherent = bounce == 0

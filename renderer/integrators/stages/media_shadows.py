@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.direct_light import (
-    BEFORE_LIGHT,
     cast_shadow_rays,
     sample_lights,
     samples_lights,
@@ -267,6 +266,7 @@ def cast_from_collisions(scene, work, count):
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples
     probability = light_probability(scene.lights, settings)
+    before_light = np.float32(settings.before_light)
     cast = np.int64(0)
     for i in range(0, count, 16):
         mine = first_lanes(count - i)
@@ -280,7 +280,7 @@ def cast_from_collisions(scene, work, count):
         append3(shadow_rays.origin, cast, load3(points.position, i), lit)
         append3(shadow_rays.direction, cast, wi, lit)
         distance = load_row(samples.distance, 0, i)
-        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append_row(shadow_rays.t_max, 0, cast, distance * before_light, lit)
         append3(shadow_rays.radiance, cast, select3(lit, carried, black()), lit)
         append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
         cast += popcount(mask_bits(lit))

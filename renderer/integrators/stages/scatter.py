@@ -46,7 +46,7 @@ def largest(color):
 
 @kernel
 def survive(settings, depth, throughput, eta, number, alive):
-    """Play Russian roulette; return who survives and their raised throughput.
+    """Play Russian roulette; return which paths survive, and their raised throughput.
 
     The survival probability undoes the eta^2 that radiance loses on entering glass, as
     it will be gained again on leaving.
@@ -89,7 +89,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         parameters = parameters_at(bsdf.form, points, i)
         chosen = sample_bsdf(parameters, wo, drawn)
 
-        # throughput, and who goes on
+        # throughput, and which paths go on
         throughput = load3(points.throughput, i) * chosen.weight
         eta = load_row(points.eta, 0, i) * chosen.eta
         # of images reflectances may be negative: a path ends at 0 alone, as in Mitsuba

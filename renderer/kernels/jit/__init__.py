@@ -1,6 +1,6 @@
 """How kernels are compiled, kept, and called: Numba as this renderer uses it.
 
-Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
+To write a kernel `kernel` is enough. What is behind it, a file each: the flags
 (`decorators`), the cache on disk (`cache`), how kernels are linked into one another
 (`linking`), records that kernels see through a pointer (`records`), tables
 that they gather columns from (`columns`), kernels that are called by their address, as

@@ -42,7 +42,7 @@ PACKAGE = Path(__file__).parents[2]  # the renderer
 
 @functools.cache
 def file_digest(path: str) -> str:
-    """Return a short hash of a source file's content, and of what it imports beside it."""
+    """Return a short hash of a source file and of those that it imports from around it."""
     digests = b"".join(_read(file)[0] for file in with_neighbours(path))
     return hashlib.sha256(digests).hexdigest()[:16]
 
@@ -64,8 +64,8 @@ def with_neighbours(path: str | Path) -> list[Path]:
         for module in _read(file)[1]:
             if module not in looked_at:
                 looked_at.add(module)
-                beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
-                waiting += sorted(path for path in beside if path.is_file())
+                around = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
+                waiting += sorted(path for path in around if path.is_file())
     return list(found)
 
 

@@ -132,7 +132,7 @@ def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
 def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     """Return `array[row, i]` for indices that are not negative.
 
-    Numba's own indexing asks of each index whether it counts from the end: three
+    Numba's own indexing tests of each index whether it counts from the end: three
     instructions for every load of a traversal.
     """
     _require_elements(array)
@@ -160,7 +160,7 @@ def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 
 @intrinsic
 def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
-    """Ask for the cache line of `array[row, i]`, which will be read soon."""
+    """Request the cache line of `array[row, i]`, which will be read soon."""
     _require_rows(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -34,7 +34,7 @@ class Tile(NamedTuple):
 
 
 class SampleKey(NamedTuple):
-    """What the random numbers of samples hang on, beside the first of their numbers."""
+    """What the random numbers of samples depend on, with the first of their numbers."""
 
     pixel: Any  # (16,) uint32 number in the full film
     later: Any  # (16,) uint32 by how much a sample's number is larger than the first one
@@ -184,7 +184,7 @@ class Rays(NamedTuple):
     point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
     # (3, n) position of that point, which the origin is offset from; (3, 0): not kept
     previous: NDArray[np.float32]
-    met: NDArray[np.int32]  # (slots,) bits of what each path has met; for those who need it
+    met: NDArray[np.int32]  # (slots,) bits of what each path has met, if stages need it
 
 
 class Hits(NamedTuple):

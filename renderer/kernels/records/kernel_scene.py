@@ -99,7 +99,7 @@ class Bsdfs(NamedTuple):
     texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`, -1: nested
     texture_methods: Methods
     derived: NDArray[np.int64]  # (m, 2) kind of BSDF, first of six rows: dp/du, dp/dv
-    derivatives: Methods  # of the kinds of shapes, if anybody asks for them
+    derivatives: Methods  # of the kinds of shapes, where a BSDF needs them
 
 
 class Lights(NamedTuple):
@@ -131,6 +131,7 @@ class Settings(NamedTuple):
     cutoff: float  # weight below which a ray is dropped
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)
+    before_light: float  # shadow rays end at this part of the way to the light
 
 
 class KernelScene(NamedTuple):

@@ -36,7 +36,7 @@ def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
     name = properties.string("material", "none")
     if name != "none" and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
-        properties.fail(other, 'a value beside "material"', "one of the two")
+        properties.fail(other, 'a value together with "material"', "one of the two")
     if name == "none":
         return (
             read_texture(properties, "eta", 0.0, Use.REFRACTION),

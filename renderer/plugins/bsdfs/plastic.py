@@ -34,7 +34,7 @@ class Plastic(NamedTuple):
     eta: Float  # index of refraction, inside over outside
     thrown_back: Float  # mean reflectance of the coat from inside
     nonlinear: Float  # 1: what is thrown back takes on colour again and again
-    specular_share: Float  # of samples, beside what Fresnel says
+    specular_share: Float  # of samples, before Fresnel's factor
     diffuse_reflectance: Color
     specular_reflectance: Color
 

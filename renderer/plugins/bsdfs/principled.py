@@ -119,7 +119,7 @@ def _read_eta(properties: Any, transmits: bool) -> float:
     """Return the index of refraction; `specular` is another scale for it."""
     if properties.has("eta"):
         if properties.has("specular"):
-            properties.fail("specular", 'a value beside "eta"', "one of the two")
+            properties.fail("specular", 'a value together with "eta"', "one of the two")
         eta = float(properties.number("eta", 1.5, above=0.0))
         # a surface between equal indices would not be there
         return 1.001 if transmits and eta == 1.0 else eta

@@ -71,7 +71,7 @@ def check_kernels(name: str, kernels: Mapping[str, Any], **flags: Any) -> None:
             )
     if "transmission" in given and ("reflection" not in given or not flags["transmits"]):
         raise PluginError(
-            f"BSDF {name!r}: transmission needs transmits=True, and reflection beside it"
+            f"BSDF {name!r}: transmission needs transmits=True, and reflection as well"
         )
     for key, kernel in given.items():
         _check_arguments(name, key, kernel)

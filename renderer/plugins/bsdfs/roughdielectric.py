@@ -105,7 +105,7 @@ def eval_pdf(glass, wo, wi):
 def sample(glass, wo, numbers):
     """Choose a facet, and whether it reflects or refracts; of f |cos| / pdf most cancels.
 
-    With `every_normal` the weight is that of the plain distribution beside the density of
+    With `every_normal` the weight is that of the plain distribution, the density that of
     the wider one: not their quotient, a few per cent off. That is how Mitsuba has it.
     """
     facets = microfacets(glass)

@@ -32,7 +32,7 @@ def _read_alphas(properties: Any, textured: bool) -> tuple[Any, Any]:
     given = [name for name in ("alpha_u", "alpha_v") if properties.has(name)]
     if properties.has("alpha") or not given:
         if given:
-            properties.fail(given[0], 'a value beside "alpha"', "one of the two")
+            properties.fail(given[0], 'a value together with "alpha"', "one of the two")
         alpha = _read_alpha(properties, "alpha", textured)
         return alpha, alpha
     if len(given) == 1:

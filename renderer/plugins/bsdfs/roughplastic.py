@@ -47,7 +47,7 @@ class RoughPlastic(NamedTuple):
     eta: Float  # index of refraction, inside over outside
     thrown_back: Float  # mean reflectance of the coat from inside
     nonlinear: Float  # 1: what is thrown back takes on colour again and again
-    specular_share: Float  # of samples, beside what the table says
+    specular_share: Float  # of samples, before the table's factor
     diffuse_reflectance: Color
     specular_reflectance: Color
     transmittance: Table  # of the coat, at cosines 0, 1 / 63, ... 1
@@ -57,7 +57,7 @@ def read(properties: Any) -> OtherBsdf:
     """Read the properties of a file."""
     rough = read_roughness(properties, textured=False)
     if rough["alpha_u"] != rough["alpha_v"]:
-        both = f"{rough['alpha_u']:g} beside alpha_v {rough['alpha_v']:g}"
+        both = f"{rough['alpha_u']:g} together with alpha_v {rough['alpha_v']:g}"
         properties.fail("alpha_u", both, "the same roughness along both")
     eta = read_relative_index(properties, "polypropylene", rough=True)
     transmittance, thrown_back = rough_transmittance(

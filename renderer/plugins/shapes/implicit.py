@@ -281,7 +281,7 @@ def _read_program(properties: Any) -> Program:
     if len(given) != 1:
         properties.fail(
             "function" if given else "expression",
-            "one beside an expression" if given else "nothing",
+            "one together with an expression" if given else "nothing",
             'an "expression" of x, y and z that is 0 on the surface; from Python, it may '
             'be a "function" instead',
         )

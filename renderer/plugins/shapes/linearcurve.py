@@ -7,7 +7,7 @@ and distance rho from the axis. A ball that lies inside of the other has no cone
 
 In a bend a part of each segment lies inside of the next. Rays from outside never get there.
 For one that starts inside, the ball is left out where it lies in the cone that follows, and
-cones are not: so does Embree in Mitsuba 3.9.1, by measurement.
+cones are not: so does Embree in Mitsuba, by measurement.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def _point_on_segment(segments, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _no_tangent(segments, index, mask, u, v, normal):
-    """Return 0: Mitsuba 3.9.1 has no dp/du here, and frames follow from their normal."""
+    """Return 0: Mitsuba has no dp/du here, and frames follow from their normal."""
     return normal * 0.0
 
 

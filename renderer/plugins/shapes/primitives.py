@@ -40,7 +40,7 @@ def mirrors(matrix: NDArray[np.float64]) -> bool:
 # --------------------------------------------------------------------------- primitives
 # Primitives of one kind of shape, in the order of an accelerator, and a ray against one.
 #
-# What an accelerator asks is resolved by the type of its primitives when it is compiled,
+# What an accelerator calls is resolved by the type of its primitives when it is compiled,
 # so that it is written once for all kinds of shapes and has no branch for them.
 
 

@@ -5,7 +5,7 @@ through is a primitive, so that every accelerator finds its way between them. No
 to where the numbers are larger. `smooth` ones are Mitsuba's, after [HanssonSoderlund2022]:
 a blend between the gradients of eight cells, continuous where those of cells jump.
 
-Two faults of Mitsuba 3.9.1 are not taken over, and the reader warns of them: it mixes up
+Two faults of Mitsuba are not taken over, and the reader warns of them: it mixes up
 the sizes along x and z, and its boxes in the world do not hold cells that are turned.
 """
 
@@ -166,7 +166,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
     if len(given) != 1:
         properties.fail(
             "grid" if given else "filename",
-            "one beside a file" if given else "nothing",
+            "one together with a file" if given else "nothing",
             "the path of a .vol file; from Python, it may be a grid instead",
         )
     (name,) = given
@@ -200,7 +200,7 @@ def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
     for reason in reasons:
         properties.reading.warn(
             properties.location,
-            f"{properties.element}: Mitsuba 3.9.1 {reason}; this renderer shows all of it",
+            f"{properties.element}: Mitsuba {reason}; this renderer shows all of it",
         )
 
 

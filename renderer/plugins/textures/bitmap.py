@@ -165,10 +165,10 @@ def _interpolated(bitmaps, texture, point, mask):
     fy = y - y0
     right = wrapped(to_i32(x0) + 1, width, mode)
     below = start + wrapped(to_i32(y0) + 1, height, mode) * width
-    beside = texel_at(bitmaps.texels, above + right, smooth)
+    right_of = texel_at(bitmaps.texels, above + right, smooth)
     under = texel_at(bitmaps.texels, below + left, smooth)
     across = texel_at(bitmaps.texels, below + right, smooth)
-    upper = texel * (1.0 - fx) + beside * fx
+    upper = texel * (1.0 - fx) + right_of * fx
     lower = under * (1.0 - fx) + across * fx
     mean = upper * (1.0 - fy) + lower * fy
     return chosen(bitmaps.texels, smooth, mean, texel)

@@ -58,7 +58,7 @@ class Checkpoint:
     Parameters
     ----------
     path : Path
-        Of the file; the one before is kept beside it, see `file.older`.
+        Of the file; the one before is kept in its folder, see `file.older`.
     every : float
         Seconds between the end of one writing and the next.
     of : Identity
@@ -78,7 +78,7 @@ class Checkpoint:
         path = target_of(path)  # the older one is kept in the folder of the file
         self._path, self._every, self._of = path, every, of
         self._found: Stored | None = None
-        self._whole = False  # whether `path` has a good file, to be kept beside the next
+        self._whole = False  # whether `path` has a good file, kept when the next is written
         self._copies: dict[str, NDArray[Any]] = {}
         self._writing: WorkerPool | None = None
         self._failure = ""

@@ -1,6 +1,6 @@
 """The file of a checkpoint: named arrays and what they are of, whole or not at all.
 
-The older of two is kept beside the new one. There is a good file at every moment: the new
+The older of two is kept with the new one. There is a good file at every moment: the new
 one is on the disk before it takes the place of the old one, and a file that was cut off or
 changed is known by its checksum. docs/checkpoints.md has the format.
 """

@@ -38,7 +38,7 @@ from renderer.rendering.render_options import RenderOptions
 LOOK = 0.5  # [s] between two looks at which workers are there
 PAUSE = 0.005  # [s] between two looks at which results are there
 PATIENCE = 60.0  # [s] without a worker, such as while all of them are started again
-AHEAD = 1  # portions that wait at a worker besides those that its threads are at
+AHEAD = 1  # portions that wait at a worker, without those that its threads are at
 RETRIES = 3  # of a portion that fails on workers that live
 MOST_DEATHS = 10  # of all workers that could have done a portion
 AGAIN = 30.0  # [s] until a worker without memory is met again: others may free some

@@ -120,7 +120,7 @@ class PluginFiles:
 
 
 def _contents(path: str) -> Files:
-    """Return a file, first, and what it imports from beside it."""
+    """Return a file, first, and what it imports from around it."""
     files = with_neighbours(path)
     folder = os.path.commonpath([file.parent for file in files])
     return tuple((f.relative_to(folder).as_posix(), f.read_bytes()) for f in files)
@@ -161,7 +161,7 @@ def _refuse_stale(files: Files) -> None:
         loaded = getattr(sys.modules.get(module), "__file__", None)
         if loaded is None:
             continue
-        # beside a plugin, what has the name of a library's module is not what is imported
+        # a file around a plugin with the name of a library's module is not what is imported
         ours = name == files[0][0] or Path(loaded).is_relative_to(sent)
         if ours and (not os.path.isfile(loaded) or Path(loaded).read_bytes() != content):
             raise SceneError(

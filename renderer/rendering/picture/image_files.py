@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MAGENTA = np.array([255, 0, 255], dtype=np.uint8)  # what no scene is by accident
 
-# How Mitsuba's `aov` integrator names the channels of each kind [run, 3.9.1].
+# How Mitsuba's `aov` integrator names the channels of each kind [run].
 _SUFFIXES = {
     "albedo": "RGB",
     "depth": "T",

@@ -162,7 +162,7 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
 
 def explain_light_choice(plan: Plan, count: int, why: Explanation) -> None:
     """Say how one of `count` lights is chosen at a point, where it is."""
-    if plan.every_light or not plan.asks_lights or count < 2:
+    if plan.every_light or not plan.samples_lights or count < 2:
         return
     how = "all equally often, as in Mitsuba"
     if plan.by_importance:
@@ -197,8 +197,8 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
         why.say("left out", f"{what}, light samples: there is no light but the sky")
         return
     if plan.strategy != "both":
-        who = "simplified" if plan.light_samples else "asked for"
-        why.say("weights", f"{_ALONE[plan.strategy]}, as {who}")
+        origin = "simplified" if plan.light_samples else "requested"
+        why.say("weights", f"{_ALONE[plan.strategy]}, as {origin}")
         return
     if plan.finds_sky:
         reason = "no other light can be hit"
@@ -226,7 +226,7 @@ def explain_roulette(plan: Plan, why: Explanation) -> None:
 def explain_samples(
     sampler: Sampler, requested: int, random: bool, why: Explanation, *, replay: bool
 ) -> None:
-    """Say how many samples a pixel gets, where they lie, and why not as many as asked for.
+    """Say how many samples a pixel gets, where they lie, and why not as many as requested.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def explain_samples(
             text += ": nothing is random"
     if requested != count:
         needs = f"the sampler needs {_PATTERNS[name]}, as in Mitsuba"
-        text += f" ({requested} asked for; {needs})"
+        text += f" ({requested} requested; {needs})"
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
     if name == "sobol" and count.bit_count() > 1:

@@ -1,6 +1,6 @@
 """The plan: no more than a scene needs, and why.
 
-From what the file asks for and what the scene holds, `make_plan` takes the least method
+From what the file requests and what the scene holds, `make_plan` takes the least method
 that gives the same answer, and says so in words (`--explain`).
 """
 
@@ -11,6 +11,7 @@ import dataclasses
 from renderer.errors import SceneError
 from renderer.integrators.kind import Case
 from renderer.integrators.registry import INTEGRATORS
+from renderer.mitsuba_version import NEWEST, followed_version
 from renderer.plugins.bsdfs.registry import reaches_all
 from renderer.plugins.lights.registry import plugin_of
 from renderer.process.names import REPLAY
@@ -27,13 +28,13 @@ from renderer.rendering.planning.explanation import (
     explain_shadow_rays,
     explain_weights,
 )
-from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, expected_rays, restrict
+from renderer.rendering.planning.plan import Plan, expected_rays, restrict
 from renderer.rendering.render_options import RenderOptions
 from renderer.replay.replay_mode import check_replay
 from renderer.scene.light_properties import (
     has_even_sky,
     has_extended_lights,
-    has_lights_beside_their_samples,
+    has_lights_outside_their_samples,
 )
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
@@ -42,7 +43,7 @@ from renderer.scene_file.description import (
 )
 from renderer.scene_file.objects.films import round_sample_count
 
-OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
+OF_MITSUBA = "those of the scalar variants of Mitsuba {}, in their order"
 
 
 def _is_transparent(scene: Scene, requested: Integrator) -> bool:
@@ -118,16 +119,9 @@ def _make_plan(scene: Scene, options: RenderOptions) -> Plan:
     threads, accel = options.thread_count, options.accelerator
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
-    offset = options.ray_offset or ("mitsuba" if plan.replay else "tight")
-    if plan.asks_lights and scene.materials.smooth and not plan.replay:
-        offsets = RAY_OFFSETS[offset]
-        explain_shadow_rays(scene, accel, rays, plan.finds_sky, offsets, why)
-    return dataclasses.replace(
-        plan,
-        ray_offset=offset,
-        rays=rays,
-        lines=tuple(why.lines),
-    )
+    if plan.samples_lights and scene.materials.smooth and not plan.replay:
+        explain_shadow_rays(scene, accel, rays, plan.finds_sky, plan.offset[:2], why)
+    return dataclasses.replace(plan, rays=rays, lines=tuple(why.lines))
 
 
 def _light_choice(name: str | None, replay: bool, as_mitsuba: bool) -> str:
@@ -140,6 +134,10 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     why = Explanation()
     requested = _choose_integrator(scene, options.integrator)
     replay = options.sampler == REPLAY
+    offset = options.ray_offset or ("mitsuba" if replay else "tight")
+    version = NEWEST.version
+    if replay or offset == "mitsuba":
+        version = options.mitsuba_version or followed_version()
     transparent = _is_transparent(scene, requested)
     # The light sampled at a half-open surface is lost where the path goes straight on, and
     # how much of all light that is follows from the densities of Mitsuba's choice.
@@ -158,7 +156,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         count = 1  # the picture is black
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
-    why.say("file asks", describe_integrator(requested))
+    why.say("file says", describe_integrator(requested))
     media = scene.description.has_media and INTEGRATORS[requested.name].media
     case = Case(
         requested,
@@ -177,12 +175,12 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     if INTEGRATORS[decision.method].media:  # it finds light in both ways
         both = dataclasses.replace(requested, strategy="both", caustics=True)
         case = case._replace(requested=both)
-    sampled_whole = not has_lights_beside_their_samples(scene.description)
+    sampled_whole = not has_lights_outside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
     if replay:
         check_replay(requested, decision.method, extended)
-        why.say("numbers", OF_MITSUBA)
+        why.say("numbers", OF_MITSUBA.format(version))
     depth = decision.max_depth
     strategy, finds_sky = restriction.strategy, False
     if choice == "importance" and decision.follow and materials.smooth and depth > 1:
@@ -209,6 +207,8 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
+        ray_offset=offset,
+        mitsuba_version=version,
         replay=replay,
         moments=requested.moments,
         strategy=strategy,
@@ -232,9 +232,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         if scene.description.has_media and not plan.kind.media:
             why.say("left out", f"participating media: {plan.method} ignores them")
     else:
-        why.say(
-            "left out", "lights, shadow rays, bounces: the first hit alone is asked for"
-        )
+        why.say("left out", "lights, shadow rays, bounces: the first hit alone is needed")
         explain_geometry(scene, why)
     random = decision.random and depth > 1
     explain_samples(chosen_sampler, count, random, why, replay=replay)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from renderer.accelerators.choice import USUAL_RAYS, RayCounts
 from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.registry import INTEGRATORS
+from renderer.mitsuba_version import NEWEST, RULES
 from renderer.process.names import REPLAY
 from renderer.scene_file.description import Moments, Sampler, Sensor
 
@@ -93,12 +94,31 @@ def expected_rays(
 # --------------------------------------------------------------------------------- plan
 # The plan: what will be done, as `make_plan` decides it and the kernels need it.
 
-# A new ray starts off its surface, so as not to meet it again: so many rounding errors of
-# the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of
-# millimetres and of kilometres alike. `mitsuba` is the rule of Mitsuba 3.9.1 (1500 units in
-# the last place): with it a tube of mirrors agrees to 6e-6 instead of 6e-2
-# (docs/decisions/ray-offset.md).
-RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
+
+class RayOffset(NamedTuple):
+    """Where new rays start, so as not to meet their surface again, and shadow rays end."""
+
+    rounding: float  # off the surface by so many rounding errors of the position ...
+    fixed: float  # ... plus this times (1 + its largest coordinate)
+    light_gap: float  # a shadow ray leaves out this part of its length at its end
+
+
+def offset_rule(name: str, version: str = NEWEST.version) -> RayOffset:
+    """Return a rule by its name; of `mitsuba`, that of a version of Mitsuba.
+
+    `tight` is right for scenes of millimetres and of kilometres alike. With Mitsuba's rule
+    a tube of mirrors agrees with its picture to 6e-6 instead of 6e-2
+    (docs/decisions/ray-offset.md).
+    """
+    if name == "tight":
+        # At the silhouette of a sphere the distance to the light is uncertain by the root
+        # of the rounding error (2.4e-4 of it), and the light must not shade itself. The
+        # number is Mitsuba's, so that both take the same decisions.
+        return RayOffset(64.0, 0.0, NEWEST.shadow_epsilon)
+    rules = RULES[version]
+    return RayOffset(0.0, rules.ray_epsilon, rules.shadow_epsilon)
+
+
 # 16 samples of a pixel go together, if it has as many: a packet is one pixel then. 64 would
 # have more light to keep than the second cache holds.
 MOST_TOGETHER = 2
@@ -122,9 +142,10 @@ class Plan(Decision):
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
+    mitsuba_version: str = NEWEST.version  # whose rules count where Mitsuba's do
     light_choice: str = "importance"  # of one of several lights; or "uniform"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
-    moments: Moments | None = None  # second moments stand beside the picture
+    moments: Moments | None = None  # second moments, in addition to the picture
     strategy: str = "both"  # or "lights", "bsdfs": the one way to find light
     caustics: bool = True  # paths may be, if the scene has what it takes
     # An even sky is left to BSDF samples: no light sample is taken of it, nothing weighed.
@@ -132,6 +153,11 @@ class Plan(Decision):
     finds_sky: bool = False
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
+
+    @property
+    def offset(self) -> RayOffset:
+        """Where rays start and shadow rays end."""
+        return offset_rule(self.ray_offset, self.mitsuba_version)
 
     @property
     def kind(self) -> IntegratorKind:
@@ -155,7 +181,7 @@ class Plan(Decision):
         return name if self.moments is None else f"moments of {name}"
 
     @property
-    def asks_lights(self) -> bool:
+    def samples_lights(self) -> bool:
         """Whether lights are sampled at surface points."""
         return self.kind.sees_lights and self.max_depth > 1 and self.strategy != "bsdfs"
 
@@ -169,7 +195,7 @@ class Plan(Decision):
     @property
     def by_importance(self) -> bool:
         """Whether a point chooses among lights by what each can give there."""
-        one_of_them = self.asks_lights and not self.every_light
+        one_of_them = self.samples_lights and not self.every_light
         return one_of_them and self.light_choice == "importance"
 
     @property

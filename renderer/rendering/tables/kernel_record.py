@@ -30,7 +30,7 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.plugins.sampling.numbers_and_warps import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
+from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
     derivative_methods,
@@ -147,7 +147,7 @@ class _SceneTables:
         placements = scene.placements or _NO_PLACEMENTS
         primitives = Primitives(scene.stages, scene.shape, scene.face)
         scattering = scene.materials.smooth or plan.kind.media
-        lit = plan.asks_lights and scattering and has_lights(scene)
+        lit = plan.samples_lights and scattering and has_lights(scene)
 
         accelerators = build_accelerators(scene, accel, plan.rays)
         groups = camera_groups = group_methods(tables, accelerators, plan)
@@ -159,9 +159,8 @@ class _SceneTables:
         if lit and not plan.kind.media:
             in_the_way = accelerators
             if not plan.replay:  # where rounding decides, ours must decide as Mitsuba's
-                offsets = RAY_OFFSETS[plan.ray_offset]
                 in_the_way = accelerators_of_shadow_rays(
-                    scene, accel, plan.rays, accelerators, sampled, offsets
+                    scene, accel, plan.rays, accelerators, sampled, plan.offset[:2]
                 )
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
@@ -245,7 +244,9 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         plan.bsdf_samples,
         plan.light_share,
         float(plan.cutoff),
-        *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
+        plan.offset.rounding,
+        plan.offset.fixed,
+        1.0 - plan.offset.light_gap,
     )
 
 

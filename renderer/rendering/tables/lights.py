@@ -59,7 +59,7 @@ def light_methods(
 ) -> Lights:
     """Return the tables of all lights.
 
-    `lit`: they are sampled; else they shine only on those who look at them. `choice` is
+    `lit`: they are sampled; else they shine only where a ray meets them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
     they shine on those paths too. `sampled` are the lights that are sampled.
     """
@@ -89,7 +89,7 @@ def light_methods(
 def _choice_methods(
     tables: MethodTables, choice: LightChoice, shapes: Shapes, settings: Settings
 ) -> Methods:
-    """Return the one row of methods that choose a light; weights ask for the second."""
+    """Return the one row of methods that choose a light; weights need the second."""
     work = work_types()
     points, rays = work.points, work.rays
     found = (record_type(shapes), COLUMN, points, rays, work.hits, INT, INT)

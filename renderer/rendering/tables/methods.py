@@ -34,7 +34,7 @@ def work_types() -> Any:
     )
 
 
-# kernel -> addresses by the types that it was compiled for: asking Numba each time took
+# kernel -> addresses by the types that it was compiled for: Numba's own look-up took
 # a tenth of what a render of few pixels needs
 _KNOWN: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
 

@@ -19,6 +19,7 @@ from renderer.integrators.stages.camera_rays import (
     draw_film,
 )
 from renderer.kernels.jit import Packed, pack
+from renderer.mitsuba_version import RULES
 from renderer.plugins.sampling.numbers_and_warps import (
     FromLastEvent,
     Independent,
@@ -135,9 +136,9 @@ def kernel_sampler(plan: Plan, seed: int) -> Any:
 
 
 def mode_for(plan: Plan, measured_camera: Sequence[float] | None) -> Variant:
-    """Return the way that a plan asks for; `measured_camera` is for a replay."""
+    """Return the way of rendering of a plan; `measured_camera` is for a replay."""
     if not plan.replay:
         return RenderMode()
     from renderer.replay.replay_mode import Replayed
 
-    return Replayed(measured_camera)
+    return Replayed(measured_camera, RULES[plan.mitsuba_version])

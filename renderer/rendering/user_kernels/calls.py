@@ -21,7 +21,7 @@ from renderer.rendering.user_kernels.remedies import (
 
 
 def without_truth(found: Mistake) -> str:
-    """Look for `if`, `and`, `not`, ...: they ask for one truth value of sixteen."""
+    """Look for `if`, `and`, `not`, ...: they need one truth value of sixteen."""
     _, name, arguments = found.call_without_meaning()
     lanes = "Mask(" in arguments or "Lanes(" in arguments
     if name not in ("bool", "truth", "not_") or not lanes:

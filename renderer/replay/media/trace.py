@@ -1,6 +1,6 @@
 """The loop of Mitsuba's `volpath`, with the stages of ours and Mitsuba's numbers.
 
-Order of the numbers (Mitsuba 3.9.1, src/integrators/volpath.cpp): the place on the film,
+Order of the numbers (Mitsuba, src/integrators/volpath.cpp): the place on the film,
 and that on the lens if there is one; the colour that chooses distances; then for each
 segment one for the roulette, and in a medium one for the distance and one for what the
 collision is, until it is no null collision. At a surface with a smooth part, and at a
@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.direct_light import (
-    BEFORE_LIGHT,
     cast_shadow_rays,
     sample_lights,
     samples_lights,
@@ -162,6 +161,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     samples, rays, hits = work.light_samples, state.rays, state.hits
     if at_surfaces:
         _drop_own_planes(order, tile, work, points, count)
+    before_light = np.float32(scene.settings.before_light)
     one, end = splat_f32(1.0), np.int64(0)
     for i in range(0, count, 16):
         slot = load_row(points.slot, 0, i)
@@ -174,7 +174,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         append3(rays.direction, end, wi, wanted)
         append3(rays.throughput, end, vec3(one, one, one), wanted)
         append_row(rays.slot, 0, end, slot, wanted)
-        append_row(state.rest, 0, end, distance * BEFORE_LIGHT, wanted)
+        append_row(state.rest, 0, end, distance * before_light, wanted)
         end += popcount(mask_bits(wanted))
     kept = np.int64(0)
     for k in range(end):

@@ -174,7 +174,7 @@ def read_constant_plugin(element: Element, reading: Reading, use: Use | None = N
                 case Vector(xyz=xyz) if use is not Use.NUMBER:  # as Mitsuba's eval_1
                     return xyz
             found = f"a value of type {raw.kind}" if raw else "nothing"
-            properties.fail("value", found, "a float, or a vector where a colour is asked")
+            properties.fail("value", found, "a float, or a vector where a colour is needed")
         case plugin if plugin in OVER_WAVELENGTHS:
             if plugin == "blackbody" and use not in (Use.EMISSION, None):
                 raise SceneError(

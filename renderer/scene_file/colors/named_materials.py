@@ -8,7 +8,7 @@ from renderer.scene_file.description import Rgb
 # Complex indices of refraction of the conductors that Mitsuba knows by name.
 #
 # Columns: name, eta (red, green, blue), k (red, green, blue), as `scalar_rgb` of Mitsuba
-# 3.9.1 has them after its conversion of the measured spectra (SOPRA and Palik's tables).
+# has them after its conversion of the measured spectra (SOPRA and Palik's tables).
 # Names are case-sensitive. The perfect mirror `none` is not a row: it is eta 0, k 1.
 
 _TABLE = """
@@ -102,7 +102,7 @@ MATERIALS = _rows()  # name -> (eta, k)
 # ------------------------------------------------------------------- refractive indices
 # Indices of refraction by name, for `int_ior` and `ext_ior` of dielectrics.
 #
-# The names and numbers are those that Mitsuba 3.9.1 takes: at about 589 nm and 0 to 20
+# The names and numbers are those that Mitsuba takes: at about 589 nm and 0 to 20
 # degrees Celsius, after Hecht, Optics, 4th edition.
 
 INDICES = {

@@ -97,10 +97,10 @@ def _add_folder(element: XmlElement, reading: Reading) -> None:
 
 def _check_no_library(folder: Path, where: str) -> None:
     try:
-        beside = sorted((folder / "plugins").iterdir())
+        inside = sorted((folder / "plugins").iterdir())
     except OSError:  # no such folder, or it is not readable with our rights
         return
-    for file in beside:
+    for file in inside:
         if file.suffix.lower() in LIBRARIES:
             raise NotAllowed(
                 f"{where}: {file} is a library, which Mitsuba would run as a plugin; "

@@ -84,7 +84,7 @@ def upgrade(element: Element) -> None:
 # ----------------------------------------------------------------------------- xml tree
 # XML elements to the plain tree: plugins, parameters, includes, ids.
 #
-# What each tag and attribute means here follows Mitsuba 3.9.1; anything else is an error,
+# What each tag and attribute means here follows Mitsuba; anything else is an error,
 # as it is there.
 
 DEEPEST_INCLUDE = 15  # as in Mitsuba

@@ -200,7 +200,7 @@ def parse_numbers(
             raise ValueError
         values = np.fromiter(map(float, texts), np.float64, len(texts))
     except ValueError:
-        index = next(i for i, text in enumerate(texts) if not _is_number(text))
+        index = next(i for i, text in enumerate(texts) if not is_number(text))
         raise SceneError(
             f"{path}:{lines[index // width]}: {what} needs numbers, "
             f"found `{texts[index][:40]}`"
@@ -208,12 +208,13 @@ def parse_numbers(
     return values.reshape(len(lines), width)
 
 
-def _is_number(text: str) -> bool:
+def is_number(word: str | bytes) -> bool:
+    """Return whether a word of a file is a number; Python's 1_0 is none."""
     try:
-        float(text)
+        float(word)
     except ValueError:
         return False
-    return "_" not in text
+    return "_" not in repr(word)
 
 
 def first_not_finite(rows: NDArray[np.float64]) -> int:

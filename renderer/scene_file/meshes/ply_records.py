@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.scene_file.meshes.mesh_data import is_number
 
 # --------------------------------------------------------------------------- ply header
 # The text at the top of a PLY file: which elements follow, in which form.
@@ -249,7 +250,7 @@ def _read_ascii(content: bytes, header: PlyHeader, path: Path) -> dict[str, Colu
             raise ValueError
         values = np.fromiter(map(float, words), np.float64, len(words))
     except ValueError:
-        index = next(i for i, word in enumerate(words) if not _is_number(word))
+        index = next(i for i, word in enumerate(words) if not is_number(word))
         raise SceneError(
             f"{_place(content, header, path, index)}: expected a number, found "
             f"`{words[index][:40].decode('latin-1')}`"
@@ -317,14 +318,6 @@ def _place(content: bytes, header: PlyHeader, path: Path, index: int) -> str:
         if index < 0:
             return f"{path}:{number}"
     return str(path)
-
-
-def _is_number(word: bytes) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return b"_" not in word
 
 
 # ------------------------------------------------------------------------- errors

@@ -84,7 +84,7 @@ def _file_properties(properties: Properties) -> None:
     if pixels not in ("rgb", "rgba"):
         properties.reading.warn(
             properties.element.properties["pixel_format"].location,
-            f"{properties.element} asks for {pixels} pixels; pictures are rgb here",
+            f"{properties.element} names {pixels} pixels; pictures are rgb here",
         )
     properties.choice(
         "component_format", "float16", ("float16", "float32", "uint32"), any_case=True

@@ -37,7 +37,7 @@ from renderer.scene_file.tree import Element
 # Groups and instances: shapes that are stored once and placed many times.
 #
 # A `shapegroup` shows nothing by itself; each `instance` of it shows all its shapes. As
-# in Mitsuba 3.9.1 there is one level of this, and no group emits light.
+# in Mitsuba there is one level of this, and no group emits light.
 
 SPECIAL = ("shapegroup", "instance")  # the shape plugins that are no surfaces
 
@@ -235,14 +235,14 @@ def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]
     for child in (property_.value for property_ in root.properties.values()):
         if not isinstance(child, Element) or child.tag not in ("emitter", "shape"):
             continue
-        element = child if child.tag == "emitter" else _emitter_beside(child)
+        element = child if child.tag == "emitter" else _emitter_inside(child)
         if element is not None and (emitter := read_emitter(element, reading)) is not None:
             _check_place(element, child, reading)
             emitters.append((emitter, surfaces))
             if kinds[element.plugin].environment:
                 if environment is not None:
                     raise SceneError(
-                        f"{element.location}: {element} is a second environment beside "
+                        f"{element.location}: {element} is a second environment, after "
                         f"line {environment.location.line}; expected at most one"
                     )
                 environment = element
@@ -250,7 +250,7 @@ def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]
     return emitters
 
 
-def _emitter_beside(shape: Element) -> Element | None:
+def _emitter_inside(shape: Element) -> Element | None:
     """Return the emitter inside of a shape that does not make its surface shine."""
     kinds = registered_kinds("emitter")
     for child in (property_.value for property_ in shape.properties.values()):
@@ -263,10 +263,10 @@ def _emitter_beside(shape: Element) -> Element | None:
 def _check_hidden(properties: Properties) -> None:
     """Refuse what Mitsuba hides though it does not shine: a shape with a point light."""
     for _, shape in properties.children("shape"):
-        if (inside := _emitter_beside(shape)) is not None:
+        if (inside := _emitter_inside(shape)) is not None:
             raise SceneError(
-                f"{inside.location}: {inside} in a shape beside hide_emitters, which would "
-                "hide the shape; expected it outside of the shape"
+                f"{inside.location}: {inside} in a shape, together with hide_emitters, "
+                "which would hide the shape; expected it outside of the shape"
             )
 
 

@@ -86,7 +86,7 @@ def without_scale(properties: Properties) -> NDArray[np.float64]:
 def read_fov_x(properties: Properties, aspect: float) -> float:
     """Return the angle across the full width [deg] of what is so much wider than high."""
     if properties.has("fov") and properties.has("focal_length"):
-        properties.fail("focal_length", 'a value beside "fov"', "one of the two")
+        properties.fail("focal_length", 'a value together with "fov"', "one of the two")
     if properties.has("fov"):
         name, fov = "fov", properties.number("fov", 0.0)
         axis = properties.choice(
@@ -94,7 +94,7 @@ def read_fov_x(properties: Properties, aspect: float) -> float:
         )
     else:
         if "fov_axis" in properties.element.properties:
-            properties.fail("fov_axis", "a value without a fov", 'a "fov" beside it')
+            properties.fail("fov_axis", "a value without a fov", 'a "fov" with it')
         name, fov, axis = "focal_length", _focal_length_fov(properties), "diagonal"
     if axis in ("smaller", "larger"):
         axis = "y" if (aspect > 1.0) == (axis == "smaller") else "x"

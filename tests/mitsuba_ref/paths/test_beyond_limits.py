@@ -36,7 +36,7 @@ from mitsuba_ref.replay.beyond_limits import (
 )
 from mitsuba_ref.replay.paths.path_from_reference_rays import EXACT, STEPS, LedPath
 from mitsuba_ref.replay.replay_comparison import compare_replay
-from renderer.rendering.planning import plan
+from renderer.mitsuba_version import NEWEST, RULES
 from reports.look.results import contradicted
 
 ROOT = PACKAGE.parent
@@ -238,8 +238,8 @@ def brighter(texture, factor):
 def defect(monkeypatch, kind, size):
     """Inject a defect of a relative size into our side of this process."""
     if kind == "offset":
-        rule = (0.0, plan.RAY_OFFSETS["mitsuba"][1] * (1.0 + size))
-        monkeypatch.setitem(plan.RAY_OFFSETS, "mitsuba", rule)
+        rules = NEWEST._replace(ray_epsilon=NEWEST.ray_epsilon * (1.0 + size))
+        monkeypatch.setitem(RULES, NEWEST.version, rules)
         return
     module, name = {
         "albedo": (renderer.plugins.bsdfs.diffuse, "read_texture"),

@@ -119,7 +119,7 @@ def test_an_edit_of_any_file_makes_a_new_entry(scene, cache, renderer, changed):
 @pytest.mark.parametrize(
     ("name", "other"),
     [
-        ("mitsuba_version", lambda: "0.0.1"),
+        ("installed_version", lambda: "0.0.1"),
         ("drjit_version", lambda: "0.0.1"),
         ("AOV_KINDS", ("depth",)),
     ],

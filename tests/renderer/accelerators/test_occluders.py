@@ -22,7 +22,7 @@ from small_scenes import (
 import renderer
 from renderer.accelerators.choice import USUAL_RAYS
 from renderer.accelerators.non_occluders import MOST, find_non_occluders, never_between
-from renderer.rendering.planning.plan import RAY_OFFSETS
+from renderer.rendering.planning.plan import offset_rule
 from renderer.scene.light_properties import sampled_lights
 
 FLAT = ("triangles", "rectangles", "disks")
@@ -39,7 +39,7 @@ def left_out_of(content, finds_sky=False):
     loaded = renderer.load_dict(content)
     lights = sampled_lights(loaded.description, finds_sky)
     has = [kind for kind in FLAT if kind in loaded.surfaces]
-    mask = never_between(loaded, has, lights, RAY_OFFSETS["tight"])
+    mask = never_between(loaded, has, lights, offset_rule("tight")[:2])
     assert mask.shape == loaded.stages.shape
     counts = {
         kind: int(mask[surfaces.first : surfaces.end].sum())
@@ -156,7 +156,7 @@ def random_scene(rng: np.random.Generator) -> dict:
 
 def passed_by(loaded, accel="auto", offset="tight"):
     lights = sampled_lights(loaded.description, False)
-    offsets = RAY_OFFSETS[offset]
+    offsets = offset_rule(offset)[:2]
     return int(find_non_occluders(loaded, accel, USUAL_RAYS, lights, offsets).sum())
 
 

@@ -223,4 +223,4 @@ def test_files_and_properties_that_cannot_be_used(tmp_path):
         env('<float name="radiance" value="1"/>')
     )
     two = env("") + '\n<emitter type="constant"/>'
-    assert ':3: emitter "constant" is a second environment beside line 2' in refused(two)
+    assert ':3: emitter "constant" is a second environment, after line 2' in refused(two)

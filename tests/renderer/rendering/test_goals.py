@@ -427,11 +427,18 @@ def test_an_error_of_many_pixels_is_believed_at_the_first_look(box, monkeypatch)
 # ------------------------------------------------------------------------ the refusals
 
 
+def test_an_error_may_be_given_in_percent():
+    """As on the command line."""
+    assert RenderOptions(target_error="2%") == RenderOptions(target_error=0.02)
+
+
 @pytest.mark.parametrize(
     ("wanted", "error", "message"),
     [
         ({"target_error": 0}, SceneError, "target_error is 0; positive numbers"),
         ({"target_error": float("nan")}, SceneError, "positive numbers"),
+        ({"target_error": "2"}, SceneError, "target_error: 2 is 100 % or more; is 2% "),
+        ({"target_error": "few"}, SceneError, "target_error: 'few' is no number; 0.02 "),
         ({"time_limit": -1.0}, SceneError, "time_limit is -1.0"),
         ({"time_limit": "10"}, TypeError, "positive numbers are possible"),
         (

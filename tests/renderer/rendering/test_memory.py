@@ -361,7 +361,7 @@ def test_aovs_and_colours_are_refused_together_before_the_first_sample(
     options = RenderOptions(threads=2)
     aovs = estimate(scene, plan, options)
     colours = estimate(inside, make_plan(inside, spp=2), options)
-    both = aovs.beside(colours)
+    both = aovs.together(colours)
     assert both.total == aovs.total + colours.total - colours.parts["the kernels"]
     room = both.total - 1
     assert max(aovs.total, colours.total) < room
@@ -438,7 +438,7 @@ def test_the_command_explains_and_refuses(
     path.write_text(BOX.format(integrator="", side=8))
     assert main([str(path), "--explain", "--memory", "1GiB"]) == 0
     output = " ".join(capsys.readouterr().out.split())
-    assert "Memory, beside the scene at most 16" in output
+    assert "Memory in addition to the scene at most 16" in output
     assert "(the kernels 150 MiB, " in output
     assert "of the 1 GiB allowed 1 GiB are left" in output
     given = [str(path), "-o", str(files / "x.png"), "--memory", "100MiB"]

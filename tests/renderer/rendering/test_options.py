@@ -16,7 +16,7 @@ from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions, 
 
 SCENE = renderer.load_dict({"type": "scene", "sensor": {"type": "perspective"}})
 FUNCTIONS = [renderer.render, renderer.render_frames, renderer.render_to_file]
-OF_PYTHON_ALONE = {"progress", "live", "measured_camera", "metadata"}
+OF_PYTHON_ALONE = {"progress", "live", "measured_camera", "metadata", "mitsuba_version"}
 # a value of each option that is not its default, and the word of the command line
 GIVEN = {
     "spp": (7, "7"),

@@ -165,7 +165,7 @@ def test_an_explicit_integrator_is_taken_at_its_word():
 
 def test_the_explanation_lists_what_is_there_and_what_is_not():
     text = explained(plan_of("path", floor(), sphere(glass()), LAMP, max_depth=8))
-    assert "file asks path, max_depth 8, rr_depth 5" in text
+    assert "file says path, max_depth 8, rr_depth 5" in text
     assert "geometry 2 rectangles, 1 sphere" in text
     assert "BSDFs diffuse, dielectric" in text
     assert "lights 1 area" in text

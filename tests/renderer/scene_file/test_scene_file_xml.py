@@ -539,7 +539,7 @@ def test_second_integrator_and_second_environment() -> None:
     assert mitsuba_refuses(content)
     content = '<emitter type="constant"/>\n<emitter type="constant"/>'
     assert error_of(content).startswith(
-        '<string>:3: emitter "constant" is a second environment beside line 2'
+        '<string>:3: emitter "constant" is a second environment, after line 2'
     )
     assert mitsuba_refuses(content)
 

@@ -372,7 +372,7 @@ FILE = props(filename="x.vol")
     [
         ("", 'property "filename": found nothing, expected the path of a .vol file'),
         (FILE, 'the grid "x.vol"'),
-        (FILE + props(grid=1.0), "found one beside a file, expected"),
+        (FILE + props(grid=1.0), "found one together with a file, expected"),
         (props(grid=1.0), "found a value of type float, expected an arr"),
         (FILE + '<emitter type="area"/>', "cannot emit: its area is not known"),
     ],

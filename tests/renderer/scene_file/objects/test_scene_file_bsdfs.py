@@ -126,7 +126,7 @@ def test_twosided_has_one_bsdf_for_both_sides_or_two() -> None:
         (
             "conductor",
             tag("rgb", k="1") + props(material="Au"),
-            'property "k": found a value beside "material", expected one of the two',
+            'property "k": found a value together with "material", expected one of the two',
         ),
         (
             "diffuse",

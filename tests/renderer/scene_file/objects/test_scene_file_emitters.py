@@ -143,10 +143,10 @@ def test_emitters_keep_the_order_of_the_file() -> None:
         (
             "point",
             tag("point", position="1") + MOVED,
-            'property "position": found a value beside "to_world", expected one of the two',
+            'property "position": found a value together with "to_world", expected one of',
         ),
         ("point", props(position=1.0), "of type float, expected point or vect"),
-        ("directional", tag("vector", direction="1") + MOVED, 'beside "to_world"'),
+        ("directional", tag("vector", direction="1") + MOVED, 'together with "to_world"'),
         ("constant", props(radiance="x"), "a value of type string"),
         (
             "point",

@@ -138,7 +138,7 @@ def aovs(text: str) -> str:
         (
             "direct",
             integer("shading_samples", 2) + integer("bsdf_samples", 0),
-            'found a value beside "shading_samples", expected one of the two',
+            'found a value together with "shading_samples", expected one of the two',
         ),
         (
             "aov",
@@ -198,5 +198,5 @@ def test_no_samples_at_all_are_refused() -> None:
     with pytest.raises(RuntimeError, match="at least 1"):
         shown("direct", none)
     message = error_of(TEXT.format("direct", none))
-    assert 'property "bsdf_samples": found 0 beside "emitter_samples" 0' in message
+    assert 'property "bsdf_samples": found 0 together with "emitter_samples" 0' in message
     assert "expected 1 or more of either" in message

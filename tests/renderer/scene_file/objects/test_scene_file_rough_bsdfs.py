@@ -103,12 +103,12 @@ ALPHA = '<float name="{}" value="0.2"/>'
         (
             "roughdielectric",
             "".join(map(ALPHA.format, ("alpha", "alpha_u", "alpha_v"))),
-            'property "alpha_u": found a value beside "alpha", expected one of the two',
+            'property "alpha_u": found a value together with "alpha", expected one of',
         ),
         (
             "roughplastic",
             props(alpha_u=0.2, alpha_v=0.3),
-            'property "alpha_u": found 0.2 beside alpha_v 0.3, expected the same roughness',
+            'property "alpha_u": found 0.2 together with alpha_v 0.3, expected the same',
         ),
         (
             "roughplastic",
@@ -123,7 +123,7 @@ ALPHA = '<float name="{}" value="0.2"/>'
         (
             "roughconductor",
             '<string name="material" value="Au"/><rgb name="eta" value="1"/>',
-            'property "eta": found a value beside "material"',
+            'property "eta": found a value together with "material"',
         ),
         (
             "roughdielectric",

@@ -303,7 +303,7 @@ def test_other_pixels_than_rgb_are_warned_about(pixels: str) -> None:
     text = FILM.format(f'<string name="pixel_format" value="{pixels}"/>')
     described = ours("", sensor=SENSOR.format(text))
     assert described.camera.film == Film()
-    assert f"asks for {pixels.lower()} pixels; pictures are rgb" in described.warnings[0]
+    assert f"names {pixels.lower()} pixels; pictures are rgb" in described.warnings[0]
     reference(text)
 
 
@@ -334,14 +334,14 @@ def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> Non
         (props(fov=180.0), "found 180 degrees, expected a field of view betw"),
         (props(fov=0.0), "found 0 degrees"),
         (props(fov=-20.0), "found -20 degrees"),
-        (props(fov_axis="y"), 'a value without a fov, expected a "fov" besi'),
+        (props(fov_axis="y"), 'a value without a fov, expected a "fov" with'),
         (
             props(fov=9.0, fov_axis="z"),
             'found "z", expected one of x, y, diagonal, smaller, larger',
         ),
         (
             props(focal_length="35mm", fov=9.0),
-            'found a value beside "fov", expected one of the two',
+            'found a value together with "fov", expected one of the two',
         ),
         (props(focal_length="0mm"), "found 0 mm, expected a length above 0"),
         (props(focal_length="x"), 'is "x"; expected a finite number'),
