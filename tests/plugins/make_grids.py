@@ -50,3 +50,5 @@ if __name__ == "__main__":
     (HERE / "waves.vol").write_bytes(grid_file(waves(12, 12, 12)))
     colors = np.random.default_rng(4).uniform(0.05, 0.95, (2, 3, 4, 3))
     (HERE / "colors.vol").write_bytes(grid_file(colors))
+    smoke = np.random.default_rng(5).uniform(-0.5, 1.0, (4, 6, 5)).clip(0.0)
+    (HERE / "smoke.vol").write_bytes(grid_file(smoke, box=(-0.2, 0, 0.1, 1, 1.5, 0.9)))
