@@ -229,6 +229,18 @@ def _scattered_once(phase):
     return float((light * inside_ball).sum(axis=1).mean() * 7.0 / 2000)
 
 
+def test_what_scatters_forward_alone_is_clear():
+    """A lamp as wide as half the sky is in front; of a turn 0.002 goes back at g = 0.99."""
+    lamp = {
+        "type": "rectangle",
+        "to_world": scaled(300.0, at=(0.0, 0.0, -2.0)),
+        "emitter": {"type": "area", "radiance": 1.0},
+    }
+    medium = homogeneous(1.0, 1.0, phase={"type": "hg", "g": 0.99})
+    seen = pixels(described(medium, light=lamp, spp=256), seeds=4).mean()
+    assert 0.98 < seen < 1.005
+
+
 # -------------------------------------------------------------------------- boundaries
 
 
