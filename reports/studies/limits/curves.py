@@ -42,10 +42,10 @@ def _frames(places: Rows) -> tuple[Rows, Rows, Rows]:
 
 
 def tightest() -> float:
-    """Return the smallest radius of curvature: |c'|^3 / |c' x c''|."""
+    """Return the smallest radius of curvature; the curvature is |c' x c''| / |c'|^3."""
     _, slope, bend = _frames(np.linspace(0.0, len(_HAIRPIN) - 3.0, 100_001))
     binormal = np.cross(slope, bend)
-    return float(np.sqrt(np.min(dot(slope, slope) ** 3 / dot(binormal, binormal))))
+    return float(np.max(dot(binormal, binormal) / dot(slope, slope) ** 3)) ** -0.5
 
 
 def _tube(radius: float) -> Rows:
@@ -70,10 +70,10 @@ def lost_in_bend(thickness: float, seed: int = 0) -> float:
     middle = (len(_HAIRPIN) - 3.0) / 2.0
     target, _, _ = _frames(middle + generator.uniform(-0.5, 0.5, RAYS))
     target = target + 0.7 * radius * directions(RAYS, generator)
-    direction = directions(RAYS, generator)
-    usual = direction[:, 0] < 0.9  # not out of the legs, which lie along -x
-    target, direction = target[usual], direction[usual]
-    origin, direction = single(target - 20.0 * direction), single(direction)
+    away = directions(RAYS, generator)
+    usual = away[:, 0] > -0.9  # not out of the legs, which lie along -x
+    origin = single(target[usual] + 20.0 * away[usual])
+    direction = single(-away[usual])
     pieces = SHAPES["bspline_pieces"].surfaces([_curve(radius)], 0)
     t, _ = nearest_hits("bspline_pieces", pieces, origin, direction)
     faces = _tube(radius)
