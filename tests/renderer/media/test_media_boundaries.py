@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_media import (
+from media_scenes import (
     NULL,
     SKY,
     assert_mean,
