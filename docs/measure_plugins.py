@@ -1,13 +1,14 @@
 """Write plugins.md: how far every plugin is from Mitsuba, as measured now.
 
 `python -m mitsuba_ref tests/plugins/*.xml --checks replay --report DIR` measures the
-pictures; `python docs/measure_plugins.py DIR/results.json` measures the BSDFs, by the
-functions of the tests (about two minutes), and writes the page.
+pictures; `python docs/measure_plugins.py DIR/results.json` measures BSDFs, phase functions
+and media, by the functions of the tests (about three minutes), and writes the page.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,21 @@ import numpy as np
 
 ROOT = Path(__file__).parent.parent
 TESTS = ROOT / "tests"
-sys.path[:0] = map(str, (ROOT, TESTS, TESTS / "probes", TESTS / "renderer" / "bsdfs"))
+FOLDERS = "probes", "renderer/bsdfs", "renderer/media", "mitsuba_ref/comparison"
+sys.path[:0] = map(str, (ROOT, TESTS, *(TESTS / folder for folder in FOLDERS)))
 
 import test_bsdfs_against_mitsuba as single  # noqa: E402
+import test_media_against_mitsuba as media  # noqa: E402
 import test_nested_bsdfs as nested  # noqa: E402
+import test_phase_functions as phases  # noqa: E402
 from chi_square import chi_square  # noqa: E402
 
 from mitsuba_ref.records.json_files import from_json  # noqa: E402
 from mitsuba_ref.records.results import ReplayResult, Results  # noqa: E402
+from mitsuba_ref.reference.variant import load_mitsuba  # noqa: E402
 
 EVEN = 64  # squared: samples of an albedo
+COSINES = 65  # of a phase function
 
 HEAD = """# Every plugin compared with Mitsuba
 
@@ -50,6 +56,21 @@ which reaches nothing beyond its pixel), the channels of `moment` and `aov`, and
 of `regular`, `irregular` and `blackbody`, which Mitsuba's side gets from ours. They have
 separate tests, against Mitsuba's channels, its spectral variants and laws of physics.
 
+## Participating media
+
+*Density*: the largest difference of a phase function from Mitsuba's own object at
+{cosines} cosines, relative to the largest value. *p*: a test of Kolmogorov and Smirnov of
+{turns} cosines that are drawn against the stated density; a test rejects below 1e-5.
+All draw the same numbers: what inverts its integral has the same p.
+
+{phases}
+
+Means of 16 pictures of each renderer with random numbers of its own, of three colours
+each: the ratio of ours to Mitsuba's, its standard error, and the largest difference in
+standard errors (a test rejects above 5). What replays show of media is above.
+
+{media}
+
 ## Energy
 
 What share of the light along a direction a BSDF sends on, reflected and transmitted
@@ -71,12 +92,14 @@ knows nothing of its mirrors.
 REPLAYS = ("file", "1 spp: difference", "diverged", "16 spp: difference", "diverged")
 SECONDS = ("RMSE / mean", "s ours", "s Mitsuba", "")
 ENERGY = ("BSDF", "0", "30", "60", "85", "apart", "p")
+PHASES = "phase function", "density", "p"
+MEDIA = "scene", "red", "green", "blue", "error", "largest"
 
 
 def main(source: Path) -> None:
     """Measure and write."""
     results = from_json(source.read_text(encoding="utf-8"), Results)
-    first = results.scenes[0].replay[0]
+    first = next(scene.replay[0] for scene in results.scenes if scene.replay)
     text = HEAD.format(
         date=results.created[:10],
         commit=results.commit,
@@ -86,6 +109,10 @@ def main(source: Path) -> None:
         limit=first.divergent_allowed,
         pixels=first.pixels,
         replays=_table((*REPLAYS, *SECONDS), replay_rows(results)),
+        cosines=COSINES,
+        turns=phases.DRAWN,
+        phases=_table(PHASES, phase_rows()),
+        media=_table(MEDIA, media_rows()),
         samples=EVEN**2,
         draws=single.SAMPLES,
         seen=" and ".join(str(degrees) for degrees in single.SEEN),
@@ -95,12 +122,16 @@ def main(source: Path) -> None:
 
 
 def replay_rows(results: Results) -> Iterator[str]:
-    """Yield a line for each file."""
+    """Yield a line for each file; one that cannot be replayed says so."""
     for scene in results.scenes:
+        name = f"[{scene.name}](../tests/plugins/{scene.name}.xml)"
+        if not scene.replay:
+            yield _row([name, *[""] * 7, "not replayed"])
+            continue
         once, often = (_replay(replay) for replay in scene.replay)
         last = scene.replay[-1]
         cells = [
-            f"[{scene.name}](../tests/plugins/{scene.name}.xml)",
+            name,
             *once,
             *often,
             f"{last.rmse:.1g}",
@@ -114,6 +145,37 @@ def replay_rows(results: Results) -> Iterator[str]:
 def _replay(replay: ReplayResult) -> tuple[str, str]:
     largest = "" if replay.largest is None else f"{replay.largest:.1g}"
     return largest, str(replay.divergent)
+
+
+def phase_rows() -> Iterator[str]:
+    """Yield a line for each phase function of the tests."""
+    mitsuba = load_mitsuba()
+    cosine = np.linspace(-1.0, 1.0, COSINES)
+    for name, phase in phases.PHASES.items():
+        theirs = mitsuba.load_dict(phase)
+        at = mitsuba.MediumInteraction3f()
+        at.wi, at.sh_frame = mitsuba.Vector3f(0, 0, -1), mitsuba.Frame3f([0, 0, -1])
+        context = mitsuba.PhaseFunctionContext()
+        expected = np.array(
+            [
+                theirs.eval_pdf(context, at, mitsuba.Vector3f((1 - c * c) ** 0.5, 0, c))[1]
+                for c in cosine
+            ]
+        )
+        mine = phases.found_for(name, np.array([cosine, cosine]), False)[1]
+        apart = np.abs(mine - expected).max() / expected.max()
+        yield _row([name, f"{apart:.1g}", f"{phases.drawn_as_stated(name):.2g}"])
+
+
+def media_rows() -> Iterator[str]:
+    """Yield a line for each scene of the tests that has media."""
+    for name in media.SCENES:
+        with tempfile.TemporaryDirectory() as folder:
+            both = media.means(name, Path(folder))
+        error, (ours, theirs) = media.standard_error(both), both.mean(axis=1)
+        ratios = [f"{ratio:.4f}" for ratio in ours / theirs]
+        largest = (np.abs(ours - theirs) / error).max()
+        yield _row([name, *ratios, f"{(error / theirs).max():.1g}", f"{largest:.1f}"])
 
 
 def energy_rows(sets: dict[str, dict[str, Any]]) -> Iterator[str]:

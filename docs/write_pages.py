@@ -16,7 +16,7 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))  # of this clone, whatever is installed
 
 from renderer.scene_file import read_dict, read_file  # noqa: E402
-from renderer.scene_file.objects import objects  # noqa: E402
+from renderer.scene_file.objects import media, objects  # noqa: E402
 from renderer.scene_file.plugins import supported_plugins  # noqa: E402
 from renderer.scene_file.properties import Properties  # noqa: E402
 
@@ -50,6 +50,7 @@ TEXTURES = {
     "read_texture": "colour or texture",
     "read_scalar_texture": "float or texture",
 }
+VOLUMES = {"_volume": "colour or volume"}
 # types of what is read in another way
 OTHERS = {
     "albedo": "colour",
@@ -65,6 +66,11 @@ OTHERS = {
     "radiance": "colour",
     "sun_direction": "vector",
     "to_world": "transform",
+}
+OF_TAGS = {  # where another tag's property has the same name
+    ("phase", "weight"): "float or `constvolume`",
+    ("volume", "value"): "colour",
+    ("volume", "data"): "array",
 }
 CONSTANTS: dict[str, Parameters] = {
     "rawconstant": {"value": ("float or three floats", "")},
@@ -133,6 +139,9 @@ SECTIONS = {
     "texture": "Textures",
     "shape": "Shapes",
     "emitter": "Lights",
+    "medium": "Participating media",
+    "phase": "Phase functions",
+    "volume": "Volumes",
     "sensor": "Sensors",
     "film": "Films",
     "sampler": "Samplers",
@@ -193,7 +202,8 @@ def requested_parameters() -> tuple[Requested, Scenes]:
     def note(properties: Properties, name: str, kind: str, default: object = None) -> None:
         element = properties.element
         found = requested.setdefault((element.tag, element.plugin), {})
-        before = found.get(name, (OTHERS.get(name, ""), ""))
+        other = OF_TAGS.get((element.tag, name), OTHERS.get(name, ""))
+        before = found.get(name, (other, ""))
         shown = "" if default is None else _shown(default)
         if kind == before[0] and shown != before[1]:
             shown = DEPENDS
@@ -228,8 +238,9 @@ def requested_parameters() -> tuple[Requested, Scenes]:
         setattr(Properties, name, noted(getattr(Properties, name), kind))
     for name in TRANSFORMS:
         setattr(Properties, name, noted(getattr(Properties, name), "transform"))
-    for name, kind in TEXTURES.items():  # before plugins import them
-        setattr(objects, name, noted(getattr(objects, name), kind))
+    for module, functions in ((objects, TEXTURES), (media, VOLUMES)):
+        for name, kind in functions.items():  # before plugins import them
+            setattr(module, name, noted(getattr(module, name), kind))
     Properties.finish = finished  # type: ignore[method-assign]
     for path in READ:
         reading = path.parent.name if path in SCENES else ""

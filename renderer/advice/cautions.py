@@ -212,7 +212,9 @@ def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
     if not plan.samples_lights:
         return
     shapes = scene.description.shapes
-    glass = [shape for shape in shapes if _stops(shape.bsdf) and is_closed(shape)]
+    # where there are media, shadow rays go through all but glass
+    stops = _is_glass if plan.kind.media else _stops
+    glass = [shape for shape in shapes if stops(shape.bsdf) and is_closed(shape)]
     lamps, around = 0, []
     for emitter in scene.description.emitters if glass else ():
         if isinstance(emitter, PointLight):
@@ -237,6 +239,10 @@ def _stops(bsdf: Any) -> bool:
     if isinstance(bsdf, Mask):
         return mean_of(bsdf.opacity) < 1.0 or _stops(bsdf.nested)
     return isinstance(bsdf, Dielectric | ThinDielectric | Null)
+
+
+def _is_glass(bsdf: Any) -> bool:
+    return isinstance(bsdf, Dielectric)
 
 
 # ----------------------------------------------------------------------- surface points

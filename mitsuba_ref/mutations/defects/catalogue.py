@@ -23,8 +23,11 @@ THEMES = (
     "textures",
     "film",
     "geometry",
+    "curves",
     "implicit_surfaces",
     "integrators",
+    "media",
+    "sun_and_sky",
     "spectra",
     "neutral_changes",
 )

@@ -6,6 +6,7 @@ What is modelled, what is left out and why; nothing here decides anything.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 from renderer.accelerators.choice import RayCounts, choose_structures
@@ -14,12 +15,22 @@ from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.plugins.lights.registry import LIGHTS, plugin_of
 from renderer.plugins.sampling.sobol import net_digits
+from renderer.process import memory
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.light_properties import has_textured_lights, sampled_lights
 from renderer.scene.scene import KINDS, Scene, counted
 from renderer.scene_file.description import (
     Integrator,
     Sampler,
+)
+from renderer.scene_file.media_description import (
+    BlendedPhase,
+    GridVolume,
+    HenyeyGreenstein,
+    Medium,
+    Phase,
+    TabulatedPhase,
+    Volume,
 )
 
 TOPIC_WIDTH = 14  # columns before the text
@@ -160,6 +171,27 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
         _leave_out(["lights of any kind"], "the scene has none", why)
 
 
+def explain_media(scene: Scene, why: Explanation) -> None:
+    """Say of each medium where it is, how it scatters, and how large its grids are."""
+    described = scene.description
+    found = [(described.camera.medium, "around the camera")]
+    for shape in described.every_shape:
+        found += [(shape.interior, "inside of"), (shape.exterior, "outside of")]
+    places: dict[Medium, Counter[str]] = {}
+    for medium, place in found:
+        if medium is not None:
+            places.setdefault(medium, Counter())[place] += 1
+    for medium, counts in places.items():
+        where = [
+            place if place.endswith("camera") else f"{place} {counted(count, 'shapes')}"
+            for place, count in counts.items()
+        ]
+        told = [_free_path(medium), _albedo(medium.albedo), _phase(medium.phase)]
+        grids = (v for v in (medium.sigma_t, medium.albedo) if isinstance(v, GridVolume))
+        told += map(_grid, grids)
+        why.say("medium", f"{medium.plugin}, {', '.join(where)}: {'; '.join(told)}")
+
+
 def explain_light_choice(plan: Plan, count: int, why: Explanation) -> None:
     """Say how one of `count` lights is chosen at a point, where it is."""
     if plan.every_light or not plan.samples_lights or count < 2:
@@ -287,3 +319,46 @@ def _instances(scene: Scene) -> str:
     copies = counted(len(scene.description.instances), "instances")
     groups = counted(len(scene.description.groups), "groups")
     return f"{copies} of {groups} ({held})"
+
+
+# -------------------------------------------------------------------------------- media
+
+
+def _free_path(medium: Medium) -> str:
+    """Return the mean way to a collision: of all colours, or of a grid."""
+    volume, scale = medium.sigma_t, medium.scale
+    if isinstance(volume, GridVolume):
+        densest = _inverse(scale * volume.maximum)
+        mean = _inverse(scale * float(volume.values.mean()))
+        return f"mean free path {densest} where densest, {mean} on average"
+    ends = (_inverse(scale * sigma) for sigma in (max(volume.rgb), min(volume.rgb)))
+    return f"mean free path {' to '.join(dict.fromkeys(ends))}"
+
+
+def _inverse(sigma: float) -> str:
+    return f"{1.0 / sigma:.3g}" if sigma > 0.0 else "infinite"
+
+
+def _albedo(volume: Volume) -> str:
+    if isinstance(volume, GridVolume):
+        return f"albedo {volume.values.min():.3g} to {volume.maximum:.3g}"
+    colors = volume.rgb if len(set(volume.rgb)) > 1 else volume.rgb[:1]
+    return f"albedo {', '.join(f'{color:.3g}' for color in colors)}"
+
+
+def _phase(phase: Phase) -> str:
+    """Return a phase function's name and what it is given."""
+    if isinstance(phase, BlendedPhase):
+        first = f"{_phase(phase.first)} ({1.0 - phase.weight:.3g})"
+        return f"a blend of {first} and {_phase(phase.second)} ({phase.weight:.3g})"
+    if isinstance(phase, HenyeyGreenstein):
+        return f"hg of g {phase.g:g}"
+    if isinstance(phase, TabulatedPhase):
+        return f"tabphase of {len(phase.values)} values"
+    return phase.plugin
+
+
+def _grid(volume: GridVolume) -> str:
+    z, y, x, channels = volume.values.shape
+    colors = " colours" if channels == 3 else ""
+    return f"a grid of {x} x {y} x {z}{colors} ({memory.shown(volume.values.nbytes)})"

@@ -23,6 +23,7 @@ from renderer.rendering.planning.explanation import (
     explain_geometry,
     explain_light_choice,
     explain_materials_and_lights,
+    explain_media,
     explain_roulette,
     explain_samples,
     explain_shadow_rays,
@@ -229,7 +230,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
             why.say("left out", "scattering: nothing is reflected towards another surface")
         explain_geometry(scene, why)
         explain_materials_and_lights(scene, why)
-        if scene.description.has_media and not plan.kind.media:
+        if plan.kind.media:
+            explain_media(scene, why)
+        elif scene.description.has_media:
             why.say("left out", f"participating media: {plan.method} ignores them")
     else:
         why.say("left out", "lights, shadow rays, bounces: the first hit alone is needed")

@@ -12,14 +12,26 @@ from reports.bench.study import Bench, Study
 from reports.studies.limits import (
     arithmetic,
     comparing,
+    curves,
     intersections,
     lamps,
+    media,
     offsets,
     paths,
     structures,
 )
 
-CHAPTERS = arithmetic, comparing, intersections, lamps, offsets, paths, structures
+CHAPTERS = (
+    arithmetic,
+    comparing,
+    curves,
+    intersections,
+    lamps,
+    media,
+    offsets,
+    paths,
+    structures,
+)
 MEASURES = {k: v for chapter in CHAPTERS for k, v in chapter.MEASURES.items()}
 PICTURES = {k: v for chapter in CHAPTERS for k, v in chapter.PICTURES.items()}
 HALVINGS = 5  # of the place where a method gives way, on a logarithmic scale

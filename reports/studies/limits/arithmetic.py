@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.expected_failures.rounding import single_precision_sum
+from renderer.plugins.lights.sky_model import half_cosine
+from reports.studies.limits.one_point import estimates, scene_at
 from reports.studies.limits.probes import (
     Floats,
     Shown,
@@ -126,6 +128,29 @@ def _lamp(distance: float) -> float:
     return abs(pixel - 1.0)  # L (r / d)^2
 
 
+def _size_of_sun(one_over_aperture: float) -> float:
+    """Return the error of the solid angle of a `sunsky`'s sun, by its cosine in float32."""
+    half = np.radians(0.5 / one_over_aperture)
+    truth = 2.0 * np.sin(0.5 * half) ** 2
+    return float(abs((1.0 - half_cosine(1.0 / one_over_aperture)) / truth - 1.0))
+
+
+@cache
+def _floor_in_sun(aperture: float) -> float:
+    """Return the light that a floor gets from a sun in the zenith."""
+    sun = f"""<shape type="rectangle"/><emitter type="sunsky">
+        <float name="sun_aperture" value="{aperture!r}"/>
+        <float name="sky_scale" value="0"/>
+        <vector name="sun_direction" value="0,0,1"/></emitter>"""
+    scene = scene_at(sun, 'origin="3,0,3" target="0,0,0" up="0,0,1"')
+    return float(np.mean(estimates(scene, 16)))
+
+
+def _light_of_sun(one_over_aperture: float) -> float:
+    """Return how far a sun's light is from that of a sun of 1 degree, relatively."""
+    return abs(_floor_in_sun(1.0 / one_over_aperture) / _floor_in_sun(1.0) - 1.0)
+
+
 def _angle(strength: float, by_arccos: bool) -> float:
     """Return the largest relative error of angles of 1 / strength, in float32."""
     rng = np.random.default_rng(15)
@@ -205,6 +230,8 @@ MEASURES = {
     "slabs-with-margin": partial(_lost_near_edges, margin=MARGIN),
     "cone-naive": _naive_cone,
     "cone-ours": _lamp,
+    "sun-solid-angle": _size_of_sun,
+    "sun-light": _light_of_sun,
     "angle-by-arccos": partial(_angle, by_arccos=True),
     "angle-by-chord": partial(_angle, by_arccos=False),
     "sum-in-float32": lambda count: abs(single_precision_sum(int(count)) - 1.0),

@@ -37,14 +37,13 @@ def scene_at(
     roulette: int = 1000,
     size: int = SIZE,
     fov: float = 0.001,
+    integrator: str = "path",
 ) -> renderer.Scene:
     """Load what is in `body`, seen by a camera that looks at one point of it."""
     limits = f'<integer name="max_depth" value="{depth}"/>'
     limits += f'<integer name="rr_depth" value="{roulette}"/>'
-    integrator = f'<integrator type="path">{limits}</integrator>'
-    text = _SCENE.format(
-        integrator=integrator, lookat=lookat, body=body, size=size, fov=fov
-    )
+    loop = f'<integrator type="{integrator}">{limits}</integrator>'
+    text = _SCENE.format(integrator=loop, lookat=lookat, body=body, size=size, fov=fov)
     return renderer.load_string(text)
 
 

@@ -15,6 +15,7 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.plugins.media.phase_functions import eval_phase, sample_phase
 from renderer.scene.media_tables import media_tables
 
+DRAWN = 1 << 16  # cosines
 PHASES: dict[str, Any] = {
     "isotropic": {"type": "isotropic"},
     "hg": {"type": "hg", "g": 0.9},
@@ -63,11 +64,10 @@ def found_for(phase, given, sampled):
     return found[:, : given.shape[1]].astype(np.float64)
 
 
-@pytest.mark.parametrize("phase", PHASES)
-def test_what_is_sampled_has_the_density_that_is_said(phase):
-    """Kolmogorov and Smirnov, 65,536 cosines: false alarms 1e-5 each.
+def drawn_as_stated(phase):
+    """Return p of a test of Kolmogorov and Smirnov of cosines against their density.
 
-    The integral of the density by the trapezoid rule is what the cosines are compared with.
+    The integral of the density is by the trapezoid rule; it has to be 1.
     """
     nodes = np.float32(1.0 - np.logspace(-7, np.log10(2.0), 400001)[::-1])
     nodes = np.unique(np.append(nodes, np.float32([-1.0, 1.0]))).astype(np.float64)
@@ -75,11 +75,15 @@ def test_what_is_sampled_has_the_density_that_is_said(phase):
     pieces = 0.5 * (density[1:] + density[:-1]) * np.diff(nodes)
     integral = np.concatenate(([0.0], np.cumsum(pieces)))
     assert integral[-1] == pytest.approx(1.0, abs=3e-3)
-    x = np.random.default_rng(5).random((2, 1 << 16))
-    cosines = found_for(phase, x, True)[0]
+    cosines = found_for(phase, np.random.default_rng(5).random((2, DRAWN)), True)[0]
     assert (np.abs(cosines) <= 1.0).all()
-    test = kstest(cosines, lambda c: np.interp(c, nodes, integral))
-    assert test.pvalue > 1e-5
+    return kstest(cosines, lambda c: np.interp(c, nodes, integral)).pvalue
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_what_is_sampled_has_the_density_that_is_said(phase):
+    """False alarms 1e-5 each."""
+    assert drawn_as_stated(phase) > 1e-5
 
 
 @pytest.mark.parametrize("phase", ["hg", "backward"])
@@ -93,3 +97,13 @@ def test_a_table_ends_forward():
     """Values of Mitsuba 3.9.1."""
     _, pdf = found_for("tabphase", np.array([[1.0, -1.0]] * 2), False)
     np.testing.assert_allclose(pdf, [0.3744822, 0.0124827], rtol=1e-5)
+
+
+def test_the_weight_is_the_share_of_the_second():
+    """0.75 of Henyey and Greenstein; of the rest half Rayleigh, half (2 - c) / (8 pi)."""
+    c = np.linspace(-1.0, 1.0, 64)
+    _, pdf = found_for("blendphase", np.array([c, c]), False)
+    hg = (1 - 0.36) / (4 * np.pi * (1.36 - 1.2 * c) ** 1.5)
+    rayleigh = 3 / (16 * np.pi) * (1 + c * c)
+    expected = 0.75 * hg + 0.125 * rayleigh + 0.125 * (2 - c) / (8 * np.pi)
+    np.testing.assert_allclose(pdf, expected, rtol=2e-5)

@@ -48,6 +48,9 @@ _CUBE = """<shape type="cube" id="cube"><transform name="to_world">
     <translate z="{z}"/>{turn}</transform>{bsdf}</shape>"""
 _RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.9,0.1,0.1"/></bsdf>'
 _GLASS = '<bsdf type="dielectric"/>'
+_LAMP_INSIDE = """<emitter type="point"><point name="position" value="0,0,0.5"/></emitter>
+<shape type="rectangle"><transform name="to_world"><scale value="9"/><translate z="-4"/>
+    </transform><bsdf type="diffuse"/></shape>"""
 
 
 def rows_of(
@@ -250,11 +253,16 @@ def test_far_coordinates(place, said):
     ],
 )
 def test_lamp_in_glass(shape, said):
-    lamp = '<emitter type="point"><point name="position" value="0,0,0.5"/></emitter>'
-    floor = """<shape type="rectangle"><transform name="to_world"><scale value="9"/>
-        <translate z="-4"/></transform><bsdf type="diffuse"/></shape>"""
-    found = rows_of(shape.format(glass=_GLASS) + lamp + floor)
+    found = rows_of(shape.format(glass=_GLASS) + _LAMP_INSIDE)
     assert found == ["point-light-behind-glass"] * said
+
+
+@pytest.mark.parametrize("bsdf", ["dielectric", "null", "thindielectric", "mask"])
+def test_shadow_rays_of_volpath_end_at_glass_alone(bsdf):
+    nested = '<bsdf type="diffuse"/>' if bsdf == "mask" else ""
+    shape = f'<shape type="sphere"><bsdf type="{bsdf}">{nested}</bsdf></shape>'
+    found = rows_of(shape + _LAMP_INSIDE, integrator="volpath")
+    assert found == ["point-light-behind-glass"] * (bsdf == "dielectric")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -198,6 +199,30 @@ def test_no_kind_is_both_there_and_left_out():
     assert "left out triangles, rectangles, disks, spheres, cylinders, " in nothing
     assert "left out lights of any kind: the scene has none" in nothing
     assert "left out Russian roulette: direct light" in nothing
+
+
+def test_each_medium_is_described():
+    """Where it is, 1 / sigma_t, the albedo, the phase function, and of grids their size."""
+    scenes = Path(__file__).parents[3] / "scenes"
+    mist = renderer.load_file(scenes / "mist" / "scene.xml")
+    lines = explained(make_plan(mist)).splitlines()
+    fog, smoke, ball = (line for line in lines if line.startswith("medium"))
+    assert fog == (
+        "medium homogeneous, around the camera, outside of 2 shapes: mean free path 16.7; "
+        "albedo 0.95; hg of g 0.6"
+    )
+    assert ball == (
+        "medium homogeneous, inside of 1 shape: mean free path 0.37 to 0.833; "
+        "albedo 0.5, 0.8, 0.95; a blend of hg of g -0.3 (0.6) and rayleigh (0.4)"
+    )
+    values = mist.description.shapes[1].interior.sigma_t.values
+    densest, mean = (1.0 / (7.0 * x) for x in (values.max(), values.mean()))
+    assert smoke == (
+        "medium heterogeneous, inside of 1 shape: "
+        f"mean free path {densest:.3g} where densest, {mean:.3g} on average; "
+        "albedo 0.75, 0.8, 0.9; isotropic; a grid of 28 x 28 x 28 (85.8 KiB)"
+    )
+    assert "medium " not in explained(make_plan(mist, integrator="path"))
 
 
 # ------------------------------------------------------------------------- pictures

@@ -21,6 +21,7 @@ from reports.studies.limits.lamps import (
     one_lamp_that_counts,
     street_of_lamps,
 )
+from reports.studies.limits.media import spread_behind_smoke, spread_through_colors
 from reports.studies.limits.one_point import (
     by_one_strategy,
     estimates,
@@ -52,8 +53,29 @@ SHARE = 15 / 16 / 9 + 1 / 32  # of the samples of a lamp next to a hidden one of
         ),
         # what is missing of 1 / (1 - albedo) is albedo^16
         (partial(furnace_error, 5.0, depth=16, roulette=1000), 0.8**16, 0.05),
+        # a Poisson number of collisions, each of which leaves 1 - share
+        (partial(spread_behind_smoke, 2.0), np.expm1(2.0) ** 0.5, 0.05),
+        (partial(spread_behind_smoke, 4.0, share=0.5), np.expm1(2.0) ** 0.5, 0.05),
+        # paths without a real collision, and the square of 1.5 for each that is none
+        (partial(spread_through_colors, 4.0), np.expm1(0.55 * 4.0) ** 0.5, 0.1),
+        # the density of what comes through is the mean of three transmittances
+        (
+            partial(spread_through_colors, 8.0, kind="homogeneous"),
+            (3 / (2 * np.exp(-0.8) + np.exp(-8)) - 1) ** 0.5,
+            0.05,
+        ),
     ],
-    ids=["starved lamp", "hidden lamp", "hidden, uniform", "street", "furnace"],
+    ids=[
+        "starved lamp",
+        "hidden lamp",
+        "hidden, uniform",
+        "street",
+        "furnace",
+        "smoke",
+        "smoke, half as dense",
+        "colours of a grid",
+        "colours",
+    ],
 )
 def test_as_on_paper(measured, paper, tolerance):
     assert measured() == pytest.approx(paper, rel=tolerance)
