@@ -64,7 +64,9 @@ def media_tables(description: SceneDescription | None) -> Media:
     flat = [leaf for leaves in phases for leaf in leaves]
     tables = [_table(phase) for _, phase in flat]
     bounds = [cell_bounds(medium) for medium in found]
-    along = np.array([size for size, _ in bounds] or [np.ones(3, np.int64)], np.int32).T.copy()
+    along = np.array(
+        [size for size, _ in bounds] or [np.ones(3, np.int64)], np.int32
+    ).T.copy()
     return Media(
         len(found),
         camera,

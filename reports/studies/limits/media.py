@@ -16,8 +16,8 @@ from reports.studies.limits.one_point import (
 from reports.studies.limits.probes import Shown, on_screen
 
 SPP = 64
-# A slab from z = 1 to 2. A constant volume of a heterogeneous medium is a grid of one
-# number: its majorant is the largest of the three.
+# A slab from z = 1 to 2. A constant volume of a heterogeneous medium is a grid of one cell:
+# its bounds are the largest and the smallest of the three numbers.
 _SLAB = """<shape type="cube"><transform name="to_world"><scale value="0.5"/>
     <translate z="1.5"/></transform><bsdf type="null"/>
     <medium type="{kind}" name="interior"><float name="albedo" value="0"/>
@@ -40,6 +40,7 @@ def spread_behind_smoke(
 
     On paper the root of exp(share depth) - 1 in a grid. With n tentative collisions,
     (1 - share)^n of the light is left, and n is a Poisson number of mean depth / share.
+    Blue is clear, so that nothing of the transmittance is known for certain.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def spread_behind_smoke(
     share
         Of the majorant that the extinction of red is, which is what is looked at.
     """
-    slab = _SLAB.format(kind=kind, sigma=f"{share!r},1,1", scale=optical_depth / share)
+    slab = _SLAB.format(kind=kind, sigma=f"{share!r},1,0", scale=optical_depth / share)
     lookat = 'origin="6,0,0.5" target="0,0,0" up="0,0,1"'
     scene = scene_at(_FLOOR + slab + _LAMP, lookat, integrator="volpath")
     return spread_of_a_sample(estimates(scene, SPP), SPP)
