@@ -25,7 +25,6 @@ from renderer.conversion.old_plugins import (
     VALUES,
 )
 from renderer.conversion.upgrade_record import (
-    APPROXIMATED,
     CHANGED,
     DROPPED,
     Change,

@@ -113,7 +113,7 @@ def find(
 def _path_like(name: str, folders: list[Path], bounds: Bounds) -> str:
     """Return "; did you mean ...?" for a path that other systems would take for `name`.
 
-    Scenes written on Windows have `\\` in paths, and another case than their files.
+    Scenes written on Windows have backslashes in paths, and another case than their files.
     """
     parts = [p for p in name.replace("\\", "/").lower().split("/") if p not in ("", ".")]
     for folder in folders:

@@ -1,4 +1,4 @@
-"""`lightproof upgrade`: media, whose coefficients, grids and boundaries meant other things."""
+"""`lightproof upgrade`: media, whose numbers, grids and boundaries have changed."""
 
 from __future__ import annotations
 
