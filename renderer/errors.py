@@ -48,6 +48,10 @@ class UnsupportedPlugin(SceneError):
     """A scene has a plugin that this renderer has not."""
 
 
+class MissingFile(SceneError):
+    """A scene names a file that is not there."""
+
+
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
 

@@ -27,7 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _upgrade(scene: Path, output: Path, *, force: bool, quiet: bool) -> int:
-    from renderer.conversion.old_mitsuba import CHANGED, LEFT, upgraded
+    from renderer.conversion.old_mitsuba import upgraded
+    from renderer.conversion.upgrade_record import CHANGED, LEFT
 
     content, changes = upgraded(scene)
     if output.exists() and not force:

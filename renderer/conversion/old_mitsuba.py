@@ -7,11 +7,12 @@ tables of `old_plugins` have what that rule does not cover.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
+from renderer.conversion.old_media import open_boundary, place_grid, upgrade_medium
 from renderer.conversion.old_plugins import (
+    BLENDED,
     HINTS,
     KEPT,
     NO_HEIR,
@@ -23,6 +24,12 @@ from renderer.conversion.old_plugins import (
     UV,
     VALUES,
 )
+from renderer.conversion.upgrade_record import (
+    CHANGED,
+    DROPPED,
+    Change,
+    UpgradeRecord,
+)
 from renderer.conversion.xml_edits import EditedXml, Node
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
@@ -31,25 +38,8 @@ from renderer.scene_file.document.xml_tree import current_name
 from renderer.scene_file.numbers import parse_floats, split_list
 from renderer.scene_file.plugins import TAGS, supported_plugins
 
-CHANGED, APPROXIMATED, DROPPED, LEFT = "changed", "approximated", "dropped", "left"
 VERSION = "3.0.0"
 OLDEST = (0, 4)  # before it cameras looked the other way
-
-
-class Change(NamedTuple):
-    """What was done at a line, or why nothing was."""
-
-    line: int
-    kind: str  # CHANGED, APPROXIMATED, DROPPED or LEFT
-    before: str
-    after: str  # empty where something was dropped or left
-    why: str = ""
-
-    def __str__(self) -> str:
-        """Return `12: changed maxDepth -> max_depth`."""
-        text = f"{self.line}: {self.kind} {self.before}"
-        text += f" -> {self.after}" if self.after else ""
-        return f"{text} ({self.why})" if self.why else text
 
 
 def upgraded(path: Path) -> tuple[bytes, list[Change]]:
@@ -86,16 +76,21 @@ def upgraded(path: Path) -> tuple[bytes, list[Change]]:
     return document.result().encode(encoding), changes
 
 
-class _Upgrade:
+class _Upgrade(UpgradeRecord):
     """One document on its way."""
 
     def __init__(self, document: EditedXml, source: str) -> None:
-        self._document, self._source = document, source
-        self.changes: list[Change] = []
+        super().__init__(document, source)
         self._skies = 0  # suns and skies so far
+        self._tags: dict[str, str] = {}  # of the elements that have an id, by it
+        self._has_media = False
+        for node in _every_node(document.root):
+            self._has_media |= node.tag == "medium"
+            if "id" in node.attributes and node.tag in TAGS:
+                self._tags[node.attributes["id"]] = node.tag
 
     def run(self) -> None:
-        root = self._document.root
+        root = self.document.root
         text = root.attributes.get("version", "")
         found = re.fullmatch(r"\s*(\d+)\.(\d+)\.\d+\s*", text)
         version = (int(found[1]), int(found[2])) if found else None
@@ -104,10 +99,10 @@ class _Upgrade:
             new = version is not None and version >= (2, 0)
             reason = "is read as it is" if new else "cannot be upgraded"
             raise SceneError(
-                f"{self._source}:{root.line}: <{root.tag}> is of {said}, which {reason}; "
+                f"{self.source}:{root.line}: <{root.tag}> is of {said}, which {reason}; "
                 "possible are 0.4.0 to 0.6.0"
             )
-        self._set_value(root, "version", VERSION)
+        self.set_value(root, "version", VERSION)
         self._object(root)
 
     # ------------------------------------------------------------------ elements
@@ -116,28 +111,38 @@ class _Upgrade:
         """Upgrade a plugin with all that is in it."""
         plugin = node.attributes.get("type", node.tag)
         new, difference = PLUGINS.get((node.tag, plugin), (plugin, ""))
+        if (new, self._has_media) == ("path", True) and plugin != new:
+            new = "volpath"
         kept = KEPT.get(node.tag) if new != plugin and difference else None
         gone: list[Node] = []  # children that are replaced or dropped here
         if plugin == "vertexcolors":
             self._vertex_colors(node)
             return
-        weights = self._two_weights(node) if plugin == "mixturebsdf" else None
+        weights = self._two_weights(node) if plugin in BLENDED else None
         if weights is not None:
-            new, gone = "blendbsdf", [weights]
-            self._set_value(node, "type", new)
+            new, gone = BLENDED[plugin], [weights]
+            self.set_value(node, "type", new)
         elif new != plugin:
-            self._set_value(node, "type", new, difference)
+            self.set_value(node, "type", new, difference)
         elif node.tag in TAGS and "$" not in plugin and node.tag != "scene":
             if plugin not in supported_plugins(node.tag):
                 why = HINTS.get(plugin, HINTS.get(node.tag, "lightproof has none"))
-                self._leave(node, f'{node.tag} "{plugin}"', why)
+                if node.tag == "integrator" and self._has_media:
+                    why = why.replace(" path ", " volpath ")
+                self.leave(node, f'{node.tag} "{plugin}"', why)
         if node.tag == "emitter" and plugin in SUN_AND_SKY:
             gone += self._sun_and_sky(node, plugin)
+        elif node.tag == "medium":
+            gone += upgrade_medium(self, node)
+        elif plugin == "gridvolume":
+            place_grid(self, node)
+        elif node.tag == "shape":
+            open_boundary(self, node, self._tags)
         uv = [child for child in node.children if child.attributes.get("name") in UV]
         self._uv_transform(uv)
         modes = [c for c in node.children if c.attributes.get("name", "")[:8] == "wrapMode"]
         if len(modes) == 2:
-            self._drop(modes[1], "one mode for u and v")
+            self.drop(modes[1], "one mode for u and v")
         gone += [*uv, *modes[1:]]
         for child in node.children:
             if child not in gone:
@@ -147,12 +152,12 @@ class _Upgrade:
         """Upgrade what is in a plugin: a property, or another plugin."""
         if node.tag == "include":
             file = node.attributes.get("filename", "")
-            self._leave(node, f"include {file}", f"lightproof upgrade {file}")
+            self.leave(node, f"include {file}", f"lightproof upgrade {file}")
             return
         if node.tag in ("default", "alias", "path"):
             return
         if node.tag in ("animation", "subsurface"):
-            self._leave(node, f"<{node.tag}>", HINTS[node.tag])
+            self.leave(node, f"<{node.tag}>", HINTS[node.tag])
             return
         old = node.attributes.get("name")
         if old is not None:
@@ -163,13 +168,13 @@ class _Upgrade:
             if kept is not None and name not in kept:
                 why = f'of the plugin that "{plugin}" replaces'
             if why:
-                self._drop(node, why)
+                self.drop(node, why)
                 return
             if plugin == "bitmap" and name == "gamma":
                 self._gamma(node)
                 return
             if name != old:
-                self._set_value(node, "name", name)
+                self.set_value(node, "name", name)
             self._value(node, tag, name)
         special = _SPECIAL.get(node.tag)
         if special is not None:
@@ -182,52 +187,52 @@ class _Upgrade:
         table = VALUES.get((tag, name), {})
         if old.lower() in table:
             new, difference = table[old.lower()]
-            self._set_value(node, "value", new, difference)
+            self.set_value(node, "value", new, difference)
 
     # -------------------------------------------------------- elements of their own kind
 
     def _transform(self, node: Node) -> None:
         for step in node.children:
             if step.tag == "lookAt":
-                self._document.set_tag(step, "lookat")
-                self._change(step, "<lookAt>", "<lookat>")
+                self.document.set_tag(step, "lookat")
+                self.change(step, "<lookAt>", "<lookat>")
 
     def _srgb(self, node: Node) -> None:
         """Decode a colour of sRGB; <rgb> is linear."""
         text = node.attributes.get("value", "")
         if "$" in text:
-            self._leave(node, f'<srgb value="{text}">', "its value is a parameter")
+            self.leave(node, f'<srgb value="{text}">', "its value is a parameter")
             return
         if re.fullmatch(r"\s*#[0-9a-fA-F]{6}\s*", text):
             digits = text.strip()[1:]
             encoded = [int(digits[at : at + 2], 16) / 255.0 for at in (0, 2, 4)]
         else:
-            location = Location(self._source, node.line)
+            location = Location(self.source, node.line)
             encoded = list(parse_floats(text, (1, 3), location, "the srgb value"))
         linear = [
             v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in encoded
         ]
         value = " ".join(f"{v:.6g}" for v in linear)
-        self._document.set_tag(node, "rgb")
-        self._document.set_value(node, "value", value)
-        self._change(node, f'<srgb value="{text}">', f'<rgb value="{value}">')
+        self.document.set_tag(node, "rgb")
+        self.document.set_value(node, "value", value)
+        self.change(node, f'<srgb value="{text}">', f'<rgb value="{value}">')
 
     def _spectrum(self, node: Node) -> None:
         self._intent(node)
         text = node.attributes.get("value", "")
         if ":" not in text and len(split_list(text)) == 3:
             # of the three bands that Mitsuba 0.6 has unless it is compiled otherwise
-            self._document.set_tag(node, "rgb")
-            self._change(node, f'<spectrum value="{text}">', f'<rgb value="{text}">')
+            self.document.set_tag(node, "rgb")
+            self.change(node, f'<spectrum value="{text}">', f'<rgb value="{text}">')
 
     def _intent(self, node: Node) -> None:
         if "intent" in node.attributes:
-            self._document.remove_attribute(node, "intent")
-            self._add(node, DROPPED, "the attribute intent", "", "the property says it")
+            self.document.remove_attribute(node, "intent")
+            self.add(node, DROPPED, "the attribute intent", "", "the property says it")
 
     def _blackbody(self, node: Node) -> None:
         """Turn the element into a plugin."""
-        before = self._document.source(node)
+        before = self.document.source(node)
         kelvin = node.attributes.get("temperature", "").strip().rstrip("Kk")
         name = current_name("", node.attributes.get("name", ""))
         lines = [
@@ -235,14 +240,14 @@ class _Upgrade:
             f'\t<float name="temperature" value="{kelvin}"/>',
             "</spectrum>",
         ]
-        self._document.replace(node, lines)
-        self._change(node, before, '<spectrum type="blackbody">')
+        self.document.replace(node, lines)
+        self.change(node, before, '<spectrum type="blackbody">')
         if (scale := node.attributes.get("scale", "1")) != "1":
             why = "scale the picture by it, or take an <rgb>"
-            self._add(node, DROPPED, f"the blackbody's scale {scale}", "", why)
+            self.add(node, DROPPED, f"the blackbody's scale {scale}", "", why)
 
     def _vertex_colors(self, node: Node) -> None:
-        before = self._document.source(node)
+        before = self.document.source(node)
         others = "".join(
             f' {key}="{current_name("", value) if key == "name" else value}"'
             for key, value in node.attributes.items()
@@ -253,13 +258,13 @@ class _Upgrade:
             '\t<string name="name" value="vertex_color"/>',
             "</texture>",
         ]
-        self._document.replace(node, lines)
-        self._change(node, before, '<texture type="mesh_attribute">')
+        self.document.replace(node, lines)
+        self.change(node, before, '<texture type="mesh_attribute">')
 
     def _two_weights(self, node: Node) -> Node | None:
-        """Replace the weights of two BSDFs that add up to 1 by the second one.
+        """Replace two weights that add up to 1 by the second one.
 
-        Others are left, since `blendbsdf` has no such sum.
+        Others are left, since a blend has no such sum.
         """
         weights = next(
             (c for c in node.children if c.attributes.get("name") == "weights"), None
@@ -273,10 +278,10 @@ class _Upgrade:
             return None
         if len(numbers) != 2 or abs(sum(numbers) - 1.0) > 1e-6:
             return None
-        before = self._document.source(weights)
+        before = self.document.source(weights)
         after = f'<float name="weight" value="{split_list(text)[1]}"/>'
-        self._document.replace(weights, [after])
-        self._change(weights, before, after)
+        self.document.replace(weights, [after])
+        self.change(weights, before, after)
         return weights
 
     def _sun_and_sky(self, node: Node, plugin: str) -> list[Node]:
@@ -285,7 +290,7 @@ class _Upgrade:
         self._skies += 1
         if self._skies > 1:
             why = "a scene has one sunsky: give the first one its scale and parameters"
-            self._leave(node, f'emitter "{plugin}"', why)
+            self.leave(node, f'emitter "{plugin}"', why)
         named = {
             current_name(plugin, child.attributes.get("name", "")): child
             for child in node.children
@@ -293,29 +298,29 @@ class _Upgrade:
         done = []
         if scaled and "scale" in named:
             done.append(named["scale"])
-            self._set_value(named["scale"], "name", scaled)
+            self.set_value(named["scale"], "name", scaled)
         directed = "sun_direction" in named
         step = UPRIGHT if directed else UPRIGHT_BY_COMPASS
         lines = [f'<float name="{dark}" value="0"/>'] if dark else []
         if "to_world" in named:
-            self._document.insert(named["to_world"], [step])
+            self.document.insert(named["to_world"], [step])
             if directed:
                 why = "it is in the world now, so apply to_world to it"
-                self._leave(named["sun_direction"], "sunDirection", why)
+                self.leave(named["sun_direction"], "sunDirection", why)
         else:
             lines += ['<transform name="to_world">', f"\t{step}", "</transform>"]
-        self._document.insert(node, lines)
-        self._add(node, CHANGED, "y is up", f"z is up by {step}")
+        self.document.insert(node, lines)
+        self.add(node, CHANGED, "y is up", f"z is up by {step}")
         return done
 
     def _gamma(self, node: Node) -> None:
         """Replace a gamma of 1, which says that texels are linear; drop any other one."""
-        before = self._document.source(node)
+        before = self.document.source(node)
         if node.attributes.get("value", "").strip() in ("1", "1.0"):
-            self._document.replace(node, ['<boolean name="raw" value="true"/>'])
-            self._change(node, before, '<boolean name="raw" value="true"/>')
+            self.document.replace(node, ['<boolean name="raw" value="true"/>'])
+            self.change(node, before, '<boolean name="raw" value="true"/>')
         else:
-            self._drop(node, "the file says how it is encoded")
+            self.drop(node, "the file says how it is encoded")
 
     def _uv_transform(self, nodes: list[Node]) -> None:
         """Replace up to four numbers by a transform: first the scale, then the offset."""
@@ -327,34 +332,10 @@ class _Upgrade:
         lines = ['<transform name="to_uv">', f'\t<scale x="{u}" y="{v}"/>']
         if {"uoffset", "voffset"} & values.keys():
             lines.append(f'\t<translate x="{x}" y="{y}"/>')
-        self._document.replace(nodes[0], [*lines, "</transform>"])
+        self.document.replace(nodes[0], [*lines, "</transform>"])
         for node in nodes[1:]:
-            self._document.remove(node)
-        self._change(nodes[0], ", ".join(values), '<transform name="to_uv">')
-
-    # ------------------------------------------------------------------ the record
-
-    def _set_value(
-        self, node: Node, attribute: str, new: str, difference: str = ""
-    ) -> None:
-        old = node.attributes[attribute]
-        self._document.set_value(node, attribute, new)
-        kind = APPROXIMATED if difference else CHANGED
-        self._add(node, kind, f'<{node.tag} {attribute}="{old}">', f'"{new}"', difference)
-
-    def _change(self, node: Node, before: str, after: str) -> None:
-        self._add(node, CHANGED, before, after)
-
-    def _drop(self, node: Node, why: str) -> None:
-        before = self._document.source(node)
-        self._document.remove(node)
-        self._add(node, DROPPED, before, "", why)
-
-    def _leave(self, node: Node, what: str, why: str) -> None:
-        self._add(node, LEFT, what, "", why)
-
-    def _add(self, node: Node, kind: str, before: str, after: str, why: str = "") -> None:
-        self.changes.append(Change(node.line, kind, before, after, why))
+            self.document.remove(node)
+        self.change(nodes[0], ", ".join(values), '<transform name="to_uv">')
 
 
 _SPECIAL: dict[str, Callable[[_Upgrade, Node], None]] = {
@@ -364,3 +345,9 @@ _SPECIAL: dict[str, Callable[[_Upgrade, Node], None]] = {
     "rgb": _Upgrade._intent,
     "blackbody": _Upgrade._blackbody,
 }
+
+
+def _every_node(node: Node) -> Iterator[Node]:
+    yield node
+    for child in node.children:
+        yield from _every_node(child)

@@ -31,7 +31,11 @@ KEPT = {  # of a plugin that another one replaces
     "sampler": {"sample_count"},
     "bsdf": {"reflectance"},
 }
-RENAMED = {("film", "high_quality_edges"): "sample_border"}
+BLENDED = {"mixturebsdf": "blendbsdf", "mixturephase": "blendphase"}  # if they are two
+RENAMED = {
+    ("film", "high_quality_edges"): "sample_border",
+    ("medium", "density"): "sigma_t",
+}
 _NO_EFFECT = "it does not change the picture"
 _TONES = "pictures are linear; the ending of the output says how they are stored"
 NO_HEIR = {  # (tag, name in Mitsuba 3's style): why
@@ -57,6 +61,14 @@ NO_HEIR = {  # (tag, name in Mitsuba 3's style): why
     ("sensor", "kc"): "there is no radial distortion",
     ("bsdf", "ext_eta"): "metals are in vacuum",
     ("bsdf", "preserve_colors"): "`nonlinear` says it since 0.4",
+    **{
+        ("medium", name): _NO_EFFECT
+        for name in "method step_size strategy channel sampling_density "
+        "medium_sampling_weight".split()
+    },
+    ("medium", "monochromatic"): "colours stay apart",
+    ("medium", "orientation"): "no phase function here has fibres",
+    ("volume", "send_data"): _NO_EFFECT,
 }
 VALUES = {  # (tag, name): what an old value is now, and what differs
     ("film", "pixel_format"): {
@@ -96,6 +108,7 @@ HINTS = {  # of what is left as it is
     "coating": "plastic comes near it where the base is diffuse",
     "roughcoating": "roughplastic comes near it where the base is diffuse",
     "mixturebsdf": "blendbsdf mixes two BSDFs whose weights add up to 1",
+    "mixturephase": "blendphase mixes two whose weights add up to 1",
     "animation": "nothing moves here",
     "subsurface": "there is no subsurface scattering",
 }

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import NotReplayable
 from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.lanes.functions import (
     fabs,
@@ -85,13 +86,24 @@ class RoundedEnvironment(NamedTuple):
 
 
 def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnvironment:
-    """Return what a replay needs of an environment map in addition to the usual table."""
+    """Return what a replay needs of an environment map in addition to the usual table.
+
+    Raises
+    ------
+    NotReplayable
+        If Mitsuba has no choice of directions: it divides by their sum.
+    """
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     compensated = sky.mis_compensation
     sine = _sines(latitudes(len(sky.pixels)))
     density = importance(luminance, sine, compensated=compensated)
     flat = importance(luminance, np.ones_like(sine), compensated=compensated)
     total = float(density.sum(dtype=np.float64))
+    if total == 0.0:
+        raise NotReplayable(
+            "sampler 'mitsuba': the envmap is black, or shines in its first and last row "
+            "alone, so that Mitsuba has no densities; possible is one that shines"
+        )
     warp = make_warp(density)
     share = _SINE * float(flat.sum(dtype=np.float64)) / total
     patches = density[:-1] + density[1:]

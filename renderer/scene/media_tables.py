@@ -64,9 +64,7 @@ def media_tables(description: SceneDescription | None) -> Media:
     flat = [leaf for leaves in phases for leaf in leaves]
     tables = [_table(phase) for _, phase in flat]
     bounds = [cell_bounds(medium) for medium in found]
-    along = np.array(
-        [size for size, _ in bounds] or [np.ones(3, np.int64)], np.int32
-    ).T.copy()
+    sizes = [size for size, _ in bounds] or [np.ones(3, np.int64)]
     return Media(
         len(found),
         camera,
@@ -78,7 +76,7 @@ def media_tables(description: SceneDescription | None) -> Media:
         _numbers([place.get(id(m.sigma_t), -1) for m in found], np.int32),
         _numbers([place.get(id(m.albedo), -1) for m in found], np.int32),
         _columns([world_box(medium.sigma_t.to_world) for medium in found], 6),
-        along,
+        np.ascontiguousarray(np.transpose(sizes), np.int32),
         _ends([part.shape[1] for _, part in bounds])[:-1] if found else np.zeros(1, "i4"),
         np.concatenate([*(part for _, part in bounds), np.zeros((2, 16))], axis=1).astype(
             np.float32

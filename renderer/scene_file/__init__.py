@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from renderer.errors import SceneError
+from renderer.errors import MissingFile, NotAllowed, SceneError
 from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.document.dictionary import read_dictionary
 from renderer.scene_file.document.references import Parameters, resolve
@@ -70,7 +70,17 @@ def read_file_with(
     bounds = Bounds.of(path.parent, allow_outside)
     reading = Reading([path.parent, Path.cwd()], bounds)
     reading.files[str(path)] = None
-    return _read_xml(read_text_file(path), str(path), parameters, reading)
+    try:
+        return _read_xml(read_text_file(path), str(path), parameters, reading)
+    except (MissingFile, NotAllowed):
+        raise
+    except SceneError as error:
+        if not reading.old_version:
+            raise
+        raise type(error)(
+            f"{error}; the scene is of version {reading.old_version}: "
+            f"lightproof upgrade {path} writes it for Mitsuba 3"
+        ) from None
 
 
 def read_string(

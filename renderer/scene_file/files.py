@@ -15,7 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from renderer.errors import NotAllowed, SceneError, UnsupportedPlugin, printable
+from renderer.errors import (
+    MissingFile,
+    NotAllowed,
+    SceneError,
+    UnsupportedPlugin,
+    printable,
+)
 from renderer.process import memory
 from renderer.scene_file.description import Location
 from renderer.scene_file.numbers import quoted
@@ -86,7 +92,7 @@ def find(
 
     Raises
     ------
-    SceneError
+    MissingFile
         If no such path exists.
     NotAllowed
         If the path leads out of the bounds.
@@ -98,9 +104,30 @@ def find(
         raise SceneError(f"{where}: {error}") from None
     if path is None:
         looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
-        raise SceneError(f"{where} not found; looked in: {looked}")
+        like = _path_like(name, folders, bounds)
+        raise MissingFile(f"{where} not found; looked in: {looked}{like}")
     bounds.check(path, where)
     return path
+
+
+def _path_like(name: str, folders: list[Path], bounds: Bounds) -> str:
+    """Return "; did you mean ...?" for a path that other systems would take for `name`.
+
+    Scenes written on Windows have backslashes in paths, and another case than their files.
+    """
+    parts = [p for p in name.replace("\\", "/").lower().split("/") if p not in ("", ".")]
+    for folder in folders:
+        found: Path | None = folder
+        try:
+            for part in parts:
+                inside = found.iterdir() if found is not None and found.is_dir() else ()
+                found = next((path for path in inside if path.name.lower() == part), None)
+            if parts and found is not None:
+                bounds.check(found, name)
+                return f'; did you mean "{found.relative_to(folder)}"?'
+        except (OSError, SceneError):
+            continue
+    return ""
 
 
 def find_regular_file(
@@ -142,6 +169,7 @@ class Reading:
     bounds: Bounds = field(default_factory=lambda: Bounds.of(Path.cwd()))
     warnings: list[str] = field(default_factory=list)
     files: dict[str, None] = field(default_factory=dict)  # an ordered set
+    old_version: str = ""  # of a document of Mitsuba 0.x
     # the shape that an emitter is in, by the id() of the emitter's element
     owners: dict[int, Element] = field(default_factory=dict)
     _built: dict[int, tuple[Element, Any]] = field(default_factory=dict)

@@ -41,9 +41,8 @@ def give_spectra_colours(mi: Any, state: Any) -> bool:
     found = False
     for node in state.nodes:
         emits = node.type == mi.ObjectType.Emitter
-        for name in list(node.props.keys()):
-            target = _referenced(state, node.props[name])
-            if target is None or target.props.plugin_name() not in OVER_WAVELENGTHS:
+        for name, target in _references(state, node.props):
+            if target.props.plugin_name() not in OVER_WAVELENGTHS:
                 continue
             use = Use.EMISSION if emits else Use.REFLECTANCE
             if name in ("eta", "k"):
@@ -54,15 +53,20 @@ def give_spectra_colours(mi: Any, state: Any) -> bool:
     return found
 
 
-def _referenced(state: Any, value: Any) -> Any:
-    """Return the node that a property refers to, or None."""
-    kind = type(value).__name__
-    if kind == "ResolvedReference":
-        return state.nodes[value.index()]
-    if kind == "Reference":
-        index = state.id_to_index.get(value.id())
-        return None if index is None else state.nodes[index]
-    return None
+def _references(state: Any, props: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the name of each property that refers to a node, and the node.
+
+    Mitsuba refuses a property that no plugin reads. So none may count as read here.
+    """
+    for name in list(props.keys()):
+        if "Reference" not in str(props.type(name)):
+            continue
+        value = props[name]
+        props.mark_queried(name, False)
+        if type(value).__name__ == "ResolvedReference":
+            yield name, state.nodes[value.index()]
+        elif (index := state.id_to_index.get(value.id())) is not None:
+            yield name, state.nodes[index]
 
 
 def _colour(props: Any, use: Use) -> tuple[float, float, float]:
@@ -139,9 +143,8 @@ def leave_lamps_to_bsdfs(mi: Any, state: Any) -> None:
             node.props["bsdf_samples"] = max(1, node.props["bsdf_samples"])
         if node.props.plugin_name() not in MESHES:
             continue
-        for name in list(node.props.keys()):
-            target = _referenced(state, node.props[name])
-            if target is not None and target.type == mi.ObjectType.Emitter:
+        for _, target in _references(state, node.props):
+            if target.type == mi.ObjectType.Emitter:
                 target.props["sampling_weight"] = 0.0
 
 

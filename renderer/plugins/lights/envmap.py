@@ -6,6 +6,7 @@ the first is the pole +y itself, the last -y. Mitsuba has the same two conventio
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,14 +84,7 @@ def read(properties: Any) -> EnvironmentMap:
         properties.fail("scale", f"{scale:g}", "one that leaves all pixels at most 1e30")
     to_world = read_rotation(properties)
     compensated = properties.boolean("mis_compensation", False)
-    environment = EnvironmentMap(_padded(pixels), scale, to_world, compensated)
-    if make_warp(_importance(environment)) is None:
-        properties.fail(
-            key,
-            "an image that is black, or too dark to be sampled, off its first and last row",
-            "one that shines",
-        )
-    return environment
+    return EnvironmentMap(_padded(pixels), scale, to_world, compensated)
 
 
 def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -138,8 +132,6 @@ def importance(
 def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> EnvironmentMaps:
     """Return the environment as the kernels see it."""
     (sky,) = lights.values()
-    warp = make_warp(_importance(sky))
-    assert warp is not None  # as `read` has seen
     around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
     to_world = sky.to_world[:3, :3]
     return EnvironmentMaps(
@@ -149,9 +141,22 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
         sky.scale,
         np.ascontiguousarray(to_world, np.float32),
         np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
-        warp,
+        _warp_of(sky),
         beyond,
     )
+
+
+def _warp_of(sky: EnvironmentMap) -> Warp:
+    """Return what chooses directions: all alike, where luminance leaves none.
+
+    Black images do, and those that shine in their first and last row alone, the poles.
+    """
+    warp = make_warp(_importance(sky))
+    if warp is None:
+        even = np.ones_like(sky.pixels)
+        warp = make_warp(_importance(replace(sky, pixels=even, mis_compensation=False)))
+    assert warp is not None
+    return warp
 
 
 def bounds(sky: EnvironmentMap) -> LightBounds:

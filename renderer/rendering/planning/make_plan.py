@@ -66,8 +66,9 @@ def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
         if requested.refusal:
             raise SceneError(requested.refusal)
         return requested
-    if requested.refusal:  # nothing in it was read, so that the defaults count
-        return Integrator(name)
+    if requested.refusal:
+        inner = requested.nested or requested
+        return Integrator(name, inner.max_depth, inner.rr_depth, inner.hide_emitters)
     return dataclasses.replace(requested, name=name, aovs=(), nested=None, moments=None)
 
 

@@ -141,6 +141,8 @@ class _Document:
         self._is_version_1 = version_1.is_version_1(
             root.attributes["version"], root.location
         )
+        if self._is_version_1:
+            self._reading.old_version = root.attributes["version"].strip()
         return Tree(self._object(root, is_root=True), self._ids)
 
     def _object(self, xml: XmlElement, *, is_root: bool = False) -> Element:

@@ -28,6 +28,7 @@ from renderer.scene_file.tree import Element, SpectrumValue, Tensor
 
 _DEEPEST = 16  # phase functions inside of one another
 _DENSEST = 1e9  # [1/length]
+_LOST = 1e-3  # of the sum of a grid, what numbers below 0 may take from it
 
 
 def read_medium(element: Element, reading: Reading) -> Medium:
@@ -104,8 +105,7 @@ def _read_grid(properties: Properties) -> GridVolume:
     name, values, box = _numbers(properties)
     if values.shape[3] not in (1, 3):
         properties.fail(name, f"{values.shape[3]} channels", "1 or 3")
-    if values.min() < 0.0:
-        properties.fail(name, f"the number {values.min():g}", "numbers of at least 0")
+    values = _not_negative(properties, name, values)
     filter_type = properties.choice("filter_type", "trilinear", ("trilinear", "nearest"))
     wrap_mode = properties.choice("wrap_mode", "clamp", ("clamp", "repeat", "mirror"))
     properties.boolean("raw", False)  # these two change nothing, nor do they in Mitsuba
@@ -121,6 +121,24 @@ def _read_grid(properties: Properties) -> GridVolume:
         placed[:3, :3], placed[:3, 3] = np.diag(size), box[0]
         to_world = to_world @ placed
     return GridVolume(values, to_world, filter_type, wrap_mode)
+
+
+def _not_negative(
+    properties: Properties, name: str, values: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Replace the few numbers below 0 that a resampled grid has."""
+    below = values < 0.0
+    if not below.any():
+        return values
+    lost = -values[below].sum(dtype=np.float64)
+    if lost > _LOST * values[~below].sum(dtype=np.float64):
+        properties.fail(name, f"the number {values.min():g}", "numbers of at least 0")
+    properties.reading.warn(
+        properties.element.properties[name].location,
+        f"{properties.element}: {np.count_nonzero(below)} of {values.size} numbers are "
+        f"below 0, the least is {values.min():g}; they count as 0",
+    )
+    return np.maximum(values, np.float32(0.0))
 
 
 def _numbers(properties: Properties) -> tuple[str, NDArray[np.float32], NDArray[Any]]:

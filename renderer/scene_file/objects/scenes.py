@@ -11,6 +11,7 @@ from renderer.scene_file.description import (
     Emitter,
     Group,
     Instance,
+    Integrator,
     Mesh,
     SceneDescription,
     Shape,
@@ -195,34 +196,34 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         reading.warn(
             root.location, f"{len(sensors)} sensors; the first one takes the picture"
         )
-    method = read_integrator(integrator, reading)
-    if (method.nested or method).hide_emitters:
-        _check_hidden(properties)
     description = SceneDescription(
         camera=camera,
-        integrator=method,
+        integrator=Integrator(),
         shapes=shapes,
         groups=groups,
         instances=instances,
         emitters=tuple(emitter for emitter, _ in emitters),
         emitter_places=tuple(place for _, place in emitters),
-        warnings=_said(reading),
         source=source,
-        files=tuple(reading.files),
     )
-    kind = registered_kinds("integrator").get((method.nested or method).name)
-    if description.has_media and not (getattr(kind, "media", False)):
+    instead = "volpath" if description.has_media else "path"
+    method = read_integrator(integrator, reading, instead)
+    inner = method.nested or method
+    if inner.hide_emitters:
+        _check_hidden(properties)
+    kind = registered_kinds("integrator").get(inner.name)
+    if description.has_media and not (method.refusal or getattr(kind, "media", False)):
         reading.warn(
             (integrator or root).location,
             f"{integrator or 'path'} ignores the scene's media, as in Mitsuba; volpath "
             "does not",
         )
-        description = replace(description, warnings=_said(reading))
-    return description
-
-
-def _said(reading: Reading) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(reading.warnings))
+    return replace(
+        description,
+        integrator=method,
+        warnings=tuple(dict.fromkeys(reading.warnings)),
+        files=tuple(reading.files),
+    )
 
 
 def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]]:

@@ -136,10 +136,20 @@ def _focal_length_fov(properties: Properties) -> float:
 _SAME = {"volpathmis": "volpath"}  # estimators of the same picture
 
 
-def read_integrator(element: Element | None, reading: Reading) -> Integrator:
+def read_integrator(
+    element: Element | None, reading: Reading, instead: str = "path"
+) -> Integrator:
     """Read an `<integrator>`; None is Mitsuba's default, `path` without a depth limit.
 
-    Of one that is not supported nothing is read but its name, and `refusal` says why.
+    Of one that is not supported the properties are read that all path tracers have, and
+    `refusal` says why.
+
+    Parameters
+    ----------
+    element, reading
+        What is read.
+    instead
+        The integrator that renders the scene if this one is not supported.
 
     Raises
     ------
@@ -152,7 +162,8 @@ def read_integrator(element: Element | None, reading: Reading) -> Integrator:
     plugin = _SAME.get(element.plugin, element.plugin)
     if plugin not in kinds:
         possible = ", ".join(kinds)
-        return _refused(element, f"not supported; supported integrator plugins: {possible}")
+        why = f"not supported; supported integrator plugins: {possible}"
+        return _refused(element, why, instead, reading)
     properties = Properties(dataclasses.replace(element, plugin=plugin), reading)
     integrator: Integrator = kinds[plugin].read(properties)
     if plugin != element.plugin:
@@ -174,11 +185,24 @@ def read_integrator(element: Element | None, reading: Reading) -> Integrator:
     )
 
 
-def _refused(element: Element, why: str) -> Integrator:
-    others = ", ".join(name for name in INTEGRATORS if name not in ("auto", "path"))
-    return Integrator(
-        element.plugin,
-        refusal=f"{element.location}: {element} is {why}; --integrator path, or in Python "
-        f'render(scene, integrator="path"), renders the scene with path ({others} are '
-        "possible too)",
+def _refused(element: Element, why: str, instead: str, reading: Reading) -> Integrator:
+    others = ", ".join(name for name in INTEGRATORS if name not in ("auto", instead))
+    kept = {
+        name: property_
+        for name, property_ in element.properties.items()
+        if name in ("max_depth", "rr_depth", "hide_emitters")
+    }
+    usual = dataclasses.replace(element, plugin="path", properties=kept)
+    try:
+        known: Integrator = registered_kinds("integrator")["path"].read(
+            Properties(usual, reading)
+        )
+    except SceneError:  # they may mean something else there
+        known = Integrator()
+    return dataclasses.replace(
+        known,
+        name=element.plugin,
+        refusal=f"{element.location}: {element} is {why}; --integrator {instead}, or in "
+        f'Python render(scene, integrator="{instead}"), renders the scene with {instead} '
+        f"({others} are possible too)",
     )

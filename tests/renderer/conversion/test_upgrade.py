@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from renderer.command.upgrade import main
-from renderer.conversion.old_mitsuba import (
-    APPROXIMATED,
-    CHANGED,
-    DROPPED,
-    LEFT,
-    upgraded,
-)
+from renderer.conversion.old_mitsuba import upgraded
+from renderer.conversion.upgrade_record import APPROXIMATED, CHANGED, DROPPED, LEFT
 from renderer.errors import SceneError
 from renderer.scene_file import read_file
 
@@ -311,3 +306,21 @@ def test_what_cannot_be_upgraded_is_one_line(tmp_path, capsys, text, words):
     assert [path.name for path in tmp_path.iterdir()] == ["old.xml"]
     with pytest.raises(SceneError):
         upgraded(tmp_path / "missing.xml")
+
+
+def test_a_refused_scene_of_an_old_version_names_the_command(tmp_path):
+    """Of what an upgrade may help with; a file that is missing is no such thing."""
+    missing = '<shape type="obj"><string name="filename" value="no.obj"/></shape>'
+    helped = {
+        scene('<shape type="sphere"><bsdf type="ward"/></shape>'): True,
+        scene('<shape type="sphere"><float name="extEta" value="1"/></shape>'): True,
+        scene('<transform name="a"><lookAt/></transform>'): True,
+        scene(missing): False,
+        scene('<shape type="sphere"><bsdf type="ward"/></shape>', "3.0.0"): False,
+    }
+    path = tmp_path / "old.xml"
+    for text, has in helped.items():
+        with pytest.raises(SceneError) as caught:
+            read_file(write(path, text))
+        hint = f"the scene is of version 0.6.0: lightproof upgrade {path} writes it"
+        assert (hint in str(caught.value)) == has

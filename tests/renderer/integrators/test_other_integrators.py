@@ -49,6 +49,40 @@ def test_path_renders_it_as_if_the_file_had_asked_for_path(around):
     )
 
 
+@pytest.mark.parametrize(
+    ("depth", "around"),
+    [
+        (3, "{}"),
+        (3, "<integrator type='aov'><string name='aovs' value='t:depth'/>{}</integrator>"),
+        (-7, "{}"),  # may mean something else there
+    ],
+)
+def test_what_all_path_tracers_have_is_kept(depth, around):
+    given = f"""<integrator type="prb"><integer name="max_depth" value="{depth}"/>
+<integer name="rr_depth" value="2"/><boolean name="hide_emitters" value="true"/>
+</integrator>"""
+    scene = renderer.load_string(text_with(around.format(given)))
+    plan = make_plan(scene, integrator="path")
+    path = '<integrator type="path"/>' if depth < 0 else given.replace("prb", "path")
+    expected = make_plan(renderer.load_string(text_with(path)), integrator="path")
+    assert (plan.max_depth, plan.hide_emitters) == (
+        expected.max_depth,
+        expected.hide_emitters,
+    )
+    inner = scene.description.integrator.nested or scene.description.integrator
+    assert inner.rr_depth == (5 if depth < 0 else 2)
+
+
+def test_of_a_scene_with_media_volpath_is_named():
+    media = """<shape type="sphere"><bsdf type="null"/>
+<medium type="homogeneous" name="interior"/></shape></scene>"""
+    text = text_with('<integrator type="prbvolpath"/>').replace("</scene>", media)
+    scene = renderer.load_string(text)
+    assert scene.description.warnings == ()  # such as that it ignores them
+    with pytest.raises(SceneError, match="--integrator volpath, or in Python"):
+        renderer.render(scene)
+
+
 def test_a_dictionary_names_it_as_integrator():
     content = {
         "type": "scene",

@@ -149,3 +149,29 @@ def test_a_grid_of_two_channels_is_refused():
     }
     with pytest.raises(SceneError, match="found 2 channels, expected 1 or 3"):
         renderer.load_dict(scene)
+
+
+@pytest.mark.parametrize(("least", "kept"), [(-0.001, True), (-0.1, False)])
+def test_numbers_just_below_0_of_a_grid_are_0(least, kept):
+    """Resampled grids have some; where they matter, the file is wrong."""
+    values = np.ones((2, 2, 2, 1), np.float32)
+    values[0, 1, 0] = least
+    volume = {"type": "gridvolume", "grid": values}
+    scene = {
+        "type": "scene",
+        "sensor": {"type": "perspective"},
+        "shape": {
+            "type": "sphere",
+            "interior": {"type": "heterogeneous", "sigma_t": volume},
+        },
+    }
+    if not kept:
+        with pytest.raises(SceneError, match=r"found the number -0\.1, expected numbers"):
+            renderer.load_dict(scene)
+        return
+    description = renderer.load_dict(scene).description
+    grid = description.shapes[0].interior.sigma_t
+    np.testing.assert_array_equal(grid.values, np.maximum(values, 0.0))
+    assert "1 of 8 numbers are below 0, the least is -0.001" in "".join(
+        description.warnings
+    )

@@ -99,6 +99,22 @@ def test_symbolic_links_count_by_where_they_lead(folders) -> None:
         scene_file.read_file(write(inside, SHAPE.format("circle.obj")))
 
 
+@pytest.mark.parametrize("name", ["meshes\\Box.obj", "Meshes/BOX.OBJ"])
+def test_a_path_of_windows_is_recognized(folders, name: str) -> None:
+    """It is refused, as in Mitsuba, and the message has the path that is meant."""
+    inside, outside = folders
+    for folder in (inside, outside):
+        (folder / "meshes").mkdir()
+        (folder / "meshes/box.obj").write_text(OBJ)
+    (inside / "link").symlink_to(outside / "meshes")
+    hints = {name: '; did you mean "meshes/box.obj"?', f"../{name}": "", "LINK/box.obj": ""}
+    for named, hint in hints.items():
+        path = write(inside, SHAPE.format(named))
+        with pytest.raises(SceneError) as caught:
+            scene_file.read_file(path)
+        assert str(caught.value).endswith(f"in: {inside}, {inside.parent}{hint}")
+
+
 def test_the_folder_of_the_scene_may_be_a_link_and_the_scene_too(folders) -> None:
     inside, outside = folders
     path = write(inside, SHAPE.format("mesh.obj"))
