@@ -572,7 +572,6 @@ class Integrator:
     """`direct`, `path`, `volpath`, ...; each uses the fields it needs."""
 
     name: str = "path"
-    written: str = ""  # the file's name of it, where that is another
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
     rr_depth: int = 5
     hide_emitters: bool = False
@@ -589,6 +588,7 @@ class Integrator:
     nested: Integrator | None = None  # aov: the integrator whose colours come first
     moments: Moments | None = None  # `moment` stands around it
     refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
+    written: str = ""  # the file's name of it, where that is another
 
 
 @dataclass(frozen=True, eq=False)
