@@ -10,6 +10,7 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
+from renderer.plugins.shapes.flat import Patch
 from renderer.plugins.shapes.triangle import (
     Triangle,
     hit_triangle,
@@ -20,16 +21,15 @@ N = 16_384
 
 
 @entry_kernel
-def run_both(corner, edge1, edge2, normal, origin, direction, t_max, out):
+def run_both(first, second, third, normal, origin, direction, t_max, out):
     """Lane k is triangle k against ray k; out[method] has rows hit, t, u, v."""
     for i in range(0, t_max.size, 16):
-        patch = Triangle(
-            load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i), None
-        )
+        a, b, c, n = load3(first, i), load3(second, i), load3(third, i), load3(normal, i)
+        triangle, patch = Triangle(a, b, c, n, None, None), Patch(a, b - a, c - a, n, None)
         o, d, end = load3(origin, i), load3(direction, i), load_row(t_max, 0, i)
         method = 0
         for x in (
-            hit_triangle(patch, o, d, end),
+            hit_triangle(triangle, o, d, end),
             hit_triangle_moeller_trumbore(patch, o, d, end),
         ):
             store_row(out[method], 0, i, select(x.hit, splat_f32(1.0), splat_f32(0.0)))
@@ -52,10 +52,10 @@ def both(p, origin, direction, t_max=np.inf):
     p = np.asarray(p, np.float32)
     n = len(p)
     m = n + -n % 16
-    edges = [p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]]
-    normal = np.cross(edges[1].astype(float), edges[2].astype(float))
+    vertices = p.transpose(1, 0, 2)
+    normal = np.cross(*(vertices[1:] - vertices[0]).astype(float))
     arrays = [
-        *edges,
+        *vertices,
         normal,
         np.broadcast_to(origin, (n, 3)),
         np.broadcast_to(direction, (n, 3)),
