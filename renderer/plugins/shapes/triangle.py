@@ -260,7 +260,9 @@ def triangles_of(vertices: NDArray[np.float32], first: int = 0) -> TriangleSurfa
     """Return triangles of vertices (n, 3, 3), with primitive ids from `first` on."""
     a, b, c = vertices.transpose(1, 2, 0)
     ends = float32(np.concatenate((b, c)))
-    return TriangleSurfaces(first, first + len(vertices), flat.places(a, b - a, c - a), ends)
+    return TriangleSurfaces(
+        first, first + len(vertices), flat.places(a, b - a, c - a), ends
+    )
 
 
 def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:

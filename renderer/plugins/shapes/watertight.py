@@ -1,25 +1,25 @@
 """Near the edges of a triangle: decided so that no ray passes between two triangles.
 
-The plane method (`flat.meet_plane`) rounds the edges of each triangle for themselves, so that
-a ray may be outside of both neighbours of an edge. It decides alone where u, v and w are
-larger than its rounding. Nearer to an edge the vertices decide [Woop2013]. Each vertex is
-seen from the ray, in double precision: two components of (vertex - origin) x direction, in
-whose plane the ray is the point 0. The ray is on the side of an edge from a to b that the
-sign of a.x b.y - a.y b.x says.
+The plane method (`flat.meet_plane`) rounds the edges of each triangle for themselves, so
+that a ray may be outside of both neighbours of an edge. It decides alone where u, v and w
+are larger than its rounding. Nearer to an edge the vertices decide [Woop2013]. Each vertex
+is seen from the ray, in double precision: two components of (vertex - origin) x direction,
+in whose plane the ray is the point 0. The sign of a.x b.y - a.y b.x says on which side of
+the edge from a to b that is.
 
 No ray is lost in a closed mesh whose triangles share vertices bit by bit:
 
-- What is rounded before the signs hangs on the ray and one vertex alone. So all triangles of
-  a vertex see it at the same rounded point, and the mesh of rounded points is closed as well:
-  a triangle of it covers the point 0.
-- A sign of two rounded products is that of the exact ones, or 0, since rounding never turns
-  around an order. Triangles that are not left by any of their three signs are hit; so 0, on
-  both sides of an edge, can only add a hit.
-- Where the plane method decides, the vertices would say the same: their rounding is a 2^26th
-  of what its bound has to spare.
+- What is rounded before the signs hangs on the ray and one vertex alone. So all triangles
+  of a vertex see it at the same rounded point: the mesh of these points is closed as well,
+  and one of its triangles covers the point 0.
+- The sign of the difference of two rounded products is that of the exact ones, or 0, since
+  rounding never turns around an order. A triangle is hit unless two of its three signs
+  differ; so 0 counts as inside on both sides of an edge, and can only add a hit.
+- Where the plane method decides, the vertices would say the same: their rounding is 2^26
+  times smaller than what the bound of its own has to spare.
 
-Beyond that are rays that start nearer to the mesh than rounding, triangles 2^30 times smaller
-than their distance, and meshes of about 1e-16, whose bound leaves the range of float32.
+Not included are rays that start nearer to the mesh than rounding, triangles 2^30 times
+smaller than their distance, and meshes of about 1e-16, where the bound leaves float32.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.vectors import cross, dot, vec3
 from renderer.plugins.shapes.flat import ONE, ZERO, PlaneHit, in_double
 
-# u, v and w of `flat.meet_plane` times the scale are off by no more than 8 units of 2^-24
-# times |d| L (|s| + L), L = |edge1| + |edge2|, s from the origin to the corner, each |a| the
-# sum of absolute components; nor by 14 times |d| Q sqrt(|s|^2 + Q^2), Q^2 = |edge1|^2 +
-# |edge2|^2, with lengths. From the steps, to first order [Higham2002, section 3.1]: s and the
-# edges are rounded once, each component of s x d three times, a product with it four times
-# more. So U = edge2 . (s x d) has 7 |edge2| . A(s, d), where A(a, b) has the components
-# |a_j b_k| + |a_k b_j|; likewise V; S = n . d has 6 A(edge1, edge2) . |d|, and W = S - (U + V)
-# all three and |U| + |V|. The sums are bounded by |e| . A(s, d) <= |e| |s| |d|, with lengths
-# 2 / sqrt(3) times that.
+# By how much u, v and w of `flat.meet_plane`, times its scale, may be off: 8 units of 2^-24
+# times |d| L (|s| + L), where s leads from the origin to the corner, L = |edge1| + |edge2|,
+# and each |a| is the sum of absolute components; with lengths, 14 units times
+# |d| Q sqrt(|s|^2 + Q^2), Q^2 = |edge1|^2 + |edge2|^2. From the steps, to first order
+# [Higham2002, section 3.1]: s and the edges are rounded once, each component of s x d three
+# times, a product with it four times more. So U = edge2 . (s x d) has 7 |edge2| . A(s, d),
+# where A(a, b) has the components |a_j b_k| + |a_k b_j|; likewise V. S = n . d has
+# 6 A(edge1, edge2) . |d|, and W = S - (U + V) all of these, |U| and |V|. Of sums
+# |e| . A(s, d) <= |e| |s| |d|, of lengths 2 / sqrt(3) times that.
 UNIT = np.float32(9.0 * 2.0**-24)  # the bound is rounded too
 _UNIT_OF_LENGTHS = (14.0 * 2.0**-24) ** 2
 
@@ -82,8 +82,8 @@ def edge_margin(patch, size, origin, direction):
 def in_doubt(patch, origin, direction, depth, margin):
     """Return where rounding may decide on which side of an edge a ray passes.
 
-    The bound by lengths is the tighter one for most triangles. It is in double precision, as
-    the square of a bound leaves float32 early.
+    The bound by lengths is the tighter one for most triangles. Its square leaves float32
+    early.
     """
     s, d = in_double(patch.corner) - in_double(origin), in_double(direction)
     edge1, edge2 = in_double(patch.edge1), in_double(patch.edge2)
