@@ -20,7 +20,7 @@ from renderer.kernels.jit import (
     never_inline,
     table_columns,
 )
-from renderer.kernels.lanes.fields import Derived, Vector
+from renderer.kernels.lanes.fields import Bound, Derived, Vector
 from renderer.kernels.lanes.functions import any_of, fabs, minimum, select, to_f32, to_i32
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
@@ -29,7 +29,6 @@ from renderer.plugins.shapes import flat
 from renderer.plugins.shapes.flat import (
     MARGIN,
     ONE,
-    Patch,
     divided,
     grazing,
     meet_plane,
@@ -50,31 +49,22 @@ from renderer.plugins.shapes.uv import (
     point_of_mesh,
     texture_tangents,
 )
-from renderer.plugins.shapes.watertight import (
-    edge_margin,
-    in_doubt,
-    meet_by_vertices,
-    size_of,
-)
+from renderer.plugins.shapes.watertight import edge_margin, in_doubt, meet_by_vertices
 from renderer.scene_file.description import Mesh
 
 
 class Triangle(NamedTuple):
-    """One triangle, or 16 in lanes, by its vertices: sums of edges would round them."""
+    """One triangle, or 16 in lanes."""
 
-    first: Vector  # p1 of the lecture, the corner of the patch
-    second: Vector
+    corner: Vector  # p1 of the lecture; these as of `flat.Patch`
+    edge1: Vector
+    edge2: Vector
+    normal: Vector
+    second: Vector  # the other vertices: corner + edge would be rounded
     third: Vector
-    normal: Vector  # as of `flat.Patch`
     breadth: Derived  # as of `flat.Patch`
-    size: Derived  # `watertight.size_of` the edges
-
-
-@kernel
-def _size(patch, stored):
-    if stored is None:
-        return size_of(patch.edge1, patch.edge2)
-    return stored
+    size: Bound  # |edge1| + |edge2|, each the sum of absolute components
+    slack: Bound  # size (|corner| + size)
 
 
 @kernel
@@ -90,42 +80,39 @@ def _depth_inside(p):
 def hit_triangle(triangle, origin, direction, t_max):
     """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
     always_inline()
-    first, second, third, normal, breadth, size = triangle
-    patch = Patch(first, second - first, third - first, normal, breadth)
-    p = meet_plane(patch, origin, direction)
+    p = meet_plane(triangle, origin, direction)
     depth = _depth_inside(p)
-    grazes = grazing(patch, p, direction) & (depth >= MARGIN * p.scale)
-    margin = edge_margin(patch, _size(patch, size), origin, direction)
-    if any_of(grazes | (fabs(depth) < margin)):
-        p = _meet_again(patch, second, third, origin, direction, grazes, margin, p)
+    grazes = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
+    near = fabs(depth) < edge_margin(triangle, origin, direction)
+    if any_of(grazes | near):
+        p = _meet_again(triangle, origin, direction, grazes, p)
         depth = _depth_inside(p)
     return divided(p, depth >= 0.0, t_max)
 
 
 @kernel
-def _meet_again(patch, second, third, origin, direction, grazes, margin, p):
+def _meet_again(triangle, origin, direction, grazes, p):
     """Return the `PlaneHit` where single precision is not enough, else `p`."""
     never_inline()
     if any_of(grazes):
-        p = meet_plane_in_double(patch, origin, direction, grazes, p)
-    doubtful = in_doubt(patch, origin, direction, _depth_inside(p), margin)
+        p = meet_plane_in_double(triangle, origin, direction, grazes, p)
+    doubtful = in_doubt(triangle, origin, direction, _depth_inside(p))
     if any_of(doubtful):
-        vertices = patch.corner, second, third
-        p = meet_by_vertices(vertices, patch.normal, origin, direction, doubtful, p)
+        p = meet_by_vertices(triangle, origin, direction, doubtful, p)
     return p
 
 
 @kernel
-def hit_triangle_moeller_trumbore(patch, origin, direction, t_max):
+def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
     """Intersect without a stored normal [Moeller1997]; the same result within rounding."""
-    p = cross(direction, patch.edge2)
-    determinant = dot(patch.edge1, p)
+    p = cross(direction, triangle.edge2)
+    determinant = dot(triangle.edge1, p)
     inverse = ONE / determinant
-    to_origin = origin - patch.corner
+    to_origin = origin - triangle.corner
     u = dot(to_origin, p) * inverse
-    q = cross(to_origin, patch.edge1)
+    q = cross(to_origin, triangle.edge1)
     v = dot(direction, q) * inverse
-    t = dot(patch.edge2, q) * inverse
+    t = dot(triangle.edge2, q) * inverse
     inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
     return Intersection(inside & (t > 0.0) & (t <= t_max), t, u, v)
 
@@ -276,10 +263,11 @@ def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def _numbers(s: Any, columns: Any) -> tuple[Any, ...]:
-    """Return the fields of `Triangle`."""
-    corner, edge1, edge2, normal, breadth = flat.numbers(s, columns)
-    sizes = [(np.abs(e[0]) + np.abs(e[1])) + np.abs(e[2]) for e in (edge1, edge2)]
-    return corner, s.ends[:, columns], normal, breadth, sizes[0] + sizes[1]
+    """Return the fields of `Triangle`; the other vertices in one."""
+    *patch, breadth = flat.numbers(s, columns)
+    corner, edge1, edge2 = (np.abs(part).sum(axis=0) for part in patch[:3])
+    size = edge1 + edge2
+    return *patch, s.ends[:, columns], breadth, size, size * (corner + size)
 
 
 def _corners(s: Any) -> list[NDArray[np.float32]]:

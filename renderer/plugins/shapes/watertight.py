@@ -40,17 +40,17 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.vectors import cross, dot, vec3
 from renderer.plugins.shapes.flat import ONE, ZERO, PlaneHit, in_double
 
-# By how much u, v and w of `flat.meet_plane`, times its scale, may be off: 8 units of 2^-24
-# times |d| L (|s| + L), where s leads from the origin to the corner, L = |edge1| + |edge2|,
-# and each |a| is the sum of absolute components; with lengths, 14 units times
-# |d| Q sqrt(|s|^2 + Q^2), Q^2 = |edge1|^2 + |edge2|^2. From the steps, to first order
-# [Higham2002, section 3.1]: s and the edges are rounded once, each component of s x d three
-# times, a product with it four times more. So U = edge2 . (s x d) has 7 |edge2| . A(s, d),
-# where A(a, b) has the components |a_j b_k| + |a_k b_j|; likewise V. S = n . d has
-# 6 A(edge1, edge2) . |d|, and W = S - (U + V) all of these, |U| and |V|. Of sums
-# |e| . A(s, d) <= |e| |s| |d|, of lengths 2 / sqrt(3) times that.
-UNIT = np.float32(9.0 * 2.0**-24)  # the bound is rounded too
-_UNIT_OF_LENGTHS = (14.0 * 2.0**-24) ** 2
+# By how much u, v and w of `flat.meet_plane`, times its scale, may be off: 14 units of
+# 2^-24 times |d| Q sqrt(|s|^2 + Q^2), where s leads from the origin to the corner and
+# Q^2 = |edge1|^2 + |edge2|^2. From the steps, to first order [Higham2002, section 3.1]: s
+# and the edges are rounded once, each component of s x d three times, a product with it
+# four times more. So U = edge2 . (s x d) has 7 |edge2| . A(s, d), where A(a, b) has the
+# components |a_j b_k| + |a_k b_j|; likewise V. S = n . d has 6 A(edge1, edge2) . |d|, and
+# W = S - (U + V) all of these, |U| and |V|. Of three vectors |a| . A(b, c) is at most
+# 2 / sqrt(3) times the product of their lengths.
+_OFF = (14.0 * 2.0**-24) ** 2
+# A wider bound takes fewer steps: sums of absolute components, with triangle inequalities.
+_WIDE = np.float32(15.0 * 2.0**-24)
 
 
 class _Seen(NamedTuple):
@@ -62,39 +62,29 @@ class _Seen(NamedTuple):
 
 
 @kernel
-def size_of(edge1, edge2):
-    """Return the sum of the absolute components of both edges."""
-    return (fabs(edge1.x) + fabs(edge1.y) + fabs(edge1.z)) + (
-        fabs(edge2.x) + fabs(edge2.y) + fabs(edge2.z)
-    )
+def edge_margin(triangle, origin, direction):
+    """Return a number that is never less than the bound of `in_doubt`, times the scale."""
+    o, d = origin, direction
+    along = _WIDE * (fabs(d.x) + fabs(d.y) + fabs(d.z))
+    away = fabs(o.x) + fabs(o.y) + fabs(o.z)
+    return along * (away * triangle.size + triangle.slack)
 
 
 @kernel
-def edge_margin(patch, size, origin, direction):
-    """Return how near to 0 u, v or w of a `PlaneHit` may be decided wrongly; see `UNIT`."""
-    s, d = patch.corner - origin, direction
-    away = fabs(s.x) + fabs(s.y) + fabs(s.z)
-    along = UNIT * (fabs(d.x) + fabs(d.y) + fabs(d.z))
-    return along * size * (away + size)
-
-
-@kernel
-def in_doubt(patch, origin, direction, depth, margin):
+def in_doubt(triangle, origin, direction, depth):
     """Return where rounding may decide on which side of an edge a ray passes.
 
-    The bound by lengths is the tighter one for most triangles. Its square leaves float32
-    early.
+    `depth` is the least of u, v and w, times the scale.
     """
-    s, d = in_double(patch.corner) - in_double(origin), in_double(direction)
-    edge1, edge2 = in_double(patch.edge1), in_double(patch.edge2)
+    s, d = in_double(triangle.corner) - in_double(origin), in_double(direction)
+    edge1, edge2 = in_double(triangle.edge1), in_double(triangle.edge2)
     square = dot(edge1, edge1) + dot(edge2, edge2)
-    bound = dot(d, d) * square * (dot(s, s) + square) * _UNIT_OF_LENGTHS
     near = to_double(depth)
-    return (fabs(depth) < margin) & (near * near < bound)
+    return near * near < dot(d, d) * square * (dot(s, s) + square) * _OFF
 
 
 @kernel
-def meet_by_vertices(vertices, normal, origin, direction, doubtful, otherwise):
+def meet_by_vertices(triangle, origin, direction, doubtful, otherwise):
     """Return a `PlaneHit` decided by the signs at the three edges, where `doubtful`.
 
     Its scale is 1 for a hit and 0 for none. t is the mean of the vertices' distances,
@@ -102,15 +92,17 @@ def meet_by_vertices(vertices, normal, origin, direction, doubtful, otherwise):
     """
     d, start = in_double(direction), in_double(origin)
     axis = _largest(d)
-    p = _seen(in_double(vertices[0]) - start, d, axis)
-    q = _seen(in_double(vertices[1]) - start, d, axis)
-    r = _seen(in_double(vertices[2]) - start, d, axis)
+    p = _seen(in_double(triangle.corner) - start, d, axis)
+    q = _seen(in_double(triangle.second) - start, d, axis)
+    r = _seen(in_double(triangle.third) - start, d, axis)
     of_b = r.x * p.y - r.y * p.x
     of_c = p.x * q.y - p.y * q.x
     of_a = q.x * r.y - q.y * r.x
     least = minimum(minimum(of_a, of_b), of_c)
     most = maximum(maximum(of_a, of_b), of_c)
-    n = in_double(normal)  # 0: the triangle has no area, only what rounding makes of it
+    n = in_double(
+        triangle.normal
+    )  # 0: the triangle has no area, only what rounding makes of it
     hit = ((least >= 0.0) | (most <= 0.0)) & (dot(n, n) > 0.0)
     whole = of_a + of_b + of_c
     t = (of_a * p.depth + of_b * q.depth + of_c * r.depth) / (whole * dot(d, axis))
