@@ -100,11 +100,10 @@ def meet_by_vertices(triangle, origin, direction, doubtful, otherwise):
     of_a = q.x * r.y - q.y * r.x
     least = minimum(minimum(of_a, of_b), of_c)
     most = maximum(maximum(of_a, of_b), of_c)
-    n = in_double(
-        triangle.normal
-    )  # 0: the triangle has no area, only what rounding makes of it
-    hit = ((least >= 0.0) | (most <= 0.0)) & (dot(n, n) > 0.0)
     whole = of_a + of_b + of_c
+    n = in_double(triangle.normal)
+    area = dot(n, n) + 0.0 * whole  # of each ray; 0: what is left of it is rounding
+    hit = ((least >= 0.0) | (most <= 0.0)) & (area > 0.0)
     t = (of_a * p.depth + of_b * q.depth + of_c * r.depth) / (whole * dot(d, axis))
     u, v = to_single(of_b / whole), to_single(of_c / whole)
     return PlaneHit(
