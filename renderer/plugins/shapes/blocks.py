@@ -22,7 +22,7 @@ from renderer.kernels.lanes.fields import (
     one_from_block,
     size_in_block,
 )
-from renderer.plugins.shapes.primitives import primitive_at
+from renderer.plugins.shapes.primitives import float32, primitive_at
 
 WIDTH = 8
 AT_FIRST = 12 * WIDTH  # numbers of a block that each ray reads, at most
@@ -81,6 +81,6 @@ def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int
     blocks[...] = eights[:, :numbers]
     np.copyto(blocks, np.nan, where=empty)  # zeros would be a sphere at the origin
     bounds = eights[:, len(rows) - bounds_of(type(form)) :]
-    largest = np.max(bounds, axis=2, initial=0.0, where=~empty)
+    largest = float32(np.max(bounds, axis=2, initial=0.0, where=~empty))
     ids = np.where(columns < 0, np.int32(-1), ids[:count])
     return Blocks(form, blocks.reshape(len(blocks), -1), largest, ids, count)
