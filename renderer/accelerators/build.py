@@ -30,8 +30,8 @@ from renderer.plugins.shapes.extents import (
     PrimitiveGroup,
     extents_of,
 )
-from renderer.plugins.shapes.flat import FlatSurfaces
 from renderer.plugins.shapes.registry import SHAPES
+from renderer.plugins.shapes.triangle import triangles_of
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import Scene
 from renderer.textbook.bsp import build_bsp
@@ -112,7 +112,7 @@ def _one_point() -> Extents:
 
 
 def _points(columns: NDArray[np.int64]) -> Any:
-    points = FlatSurfaces(0, 1, np.zeros((12, 1), np.float32))
+    points = triangles_of(np.zeros((1, 3, 3), np.float32))
     return SHAPES["triangles"].group(points, columns * 0)
 
 

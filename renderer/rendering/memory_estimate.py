@@ -40,7 +40,7 @@ _OF_STRUCTURE = {
     "kd-sah": 950,
     "octree": 980,
 }
-_OF_GROUPS = 340  # trees of eight over all kinds together
+_OF_GROUPS = 380  # trees of eight over all kinds together
 _OF_TABLES = 80  # for a primitive: lights, derivatives, copies without uv
 _OF_TILE = 160  # a row of `Film.tiles`, counts, and copies while they are made
 _STREAM = 24  # for a pixel of a replay: the state of its random numbers

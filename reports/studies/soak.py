@@ -97,9 +97,8 @@ ABOUT = {
     "BSP tree have the smallest mesh in the place of large ones), traced to the nearest "
     "hit one by one and in packets, and to any hit. Half go anywhere, half are aimed to "
     "pass edges and vertices at 10^-8 to 10^-2 of an edge. A leak is a ray that meets "
-    "nothing although it meets a triangle by more than the rounding of the test can do, or "
-    "although another structure finds a hit. Nearer to an edge a ray may be lost, because "
-    "neighbouring triangles do not share it exactly; these rays are counted apart.",
+    "nothing. The first 10^9 of each structure are of a triangle test that was not "
+    "watertight: rays that passed nearer to an edge than its rounding were counted apart.",
     "self-hits": "Mitsuba's 44 cases: eleven shapes at four places and sizes are hit from "
     "four sizes away, rays leave into the hemisphere above each hit, and none may meet "
     "anything within a thousandth of the shape. Similar shapes stand in for four that this "

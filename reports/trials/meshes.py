@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.plugins.shapes.flat import places
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle import TriangleSurfaces, triangles_of
 from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]
@@ -62,8 +61,7 @@ def surfaces_of(
     vertices: NDArray[np.float32], faces: NDArray[np.integer[Any]]
 ) -> TriangleSurfaces:
     """Return triangles of vertices (V, 3) and faces (F, 3); triangle k has the id k."""
-    corner, second, third = (vertices[faces[:, k]].T for k in range(3))
-    return TriangleSurfaces(0, len(faces), places(corner, second - corner, third - corner))
+    return triangles_of(vertices[faces])
 
 
 # ----------------------------------------------------------------------- displaced ball

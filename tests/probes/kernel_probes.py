@@ -48,7 +48,7 @@ from renderer.plugins.shapes.cylinder import CylinderSurfaces
 from renderer.plugins.shapes.disk import DiskSurfaces
 from renderer.plugins.shapes.rectangle import RectangleSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle import TriangleSurfaces, triangles_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan, offset_rule
 from renderer.rendering.tables.kernel_record import KernelInputs
@@ -77,10 +77,7 @@ def float32(rows: Any) -> np.ndarray:
 
 def triangles(points: Any) -> TriangleSurfaces:
     """Triangles from (n, 3 vertices, 3)."""
-    p = np.asarray(points, np.float32)
-    end = FIRST_ID + len(p)
-    corner, *edges = p[:, 0].T, *((p[:, k] - p[:, 0]).T for k in (1, 2))
-    return TriangleSurfaces(FIRST_ID, end, flat.places(corner, *edges))
+    return triangles_of(np.asarray(points, np.float32), FIRST_ID)
 
 
 def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:

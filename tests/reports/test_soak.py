@@ -27,11 +27,10 @@ from reports.pages.soak_page import merged, soak_page, soaked
 from reports.studies import soak
 from reports.trials.soaking import formats, interrupts, reading_process, self_hits
 from reports.trials.soaking import leaks as rays
-from reports.trials.soaking.closed_meshes import ClosedMesh, Starts, rays_from_inside
+from reports.trials.soaking.closed_meshes import ClosedMesh, rays_from_inside
 from reports.trials.soaking.damaged_files import Answer, Reader, damaged_file_steps
 from reports.trials.soaking.formats import DAMAGE
 from reports.trials.soaking.growth import ALPHA, LEAST, MIB, growth_steps, trend
-from reports.trials.soaking.hit_certainty import certainty
 from reports.trials.soaking.sound_files import SoundFile, sound_files
 
 FOREVER = float("inf")
@@ -50,8 +49,6 @@ def test_no_ray_leaks_from_a_closed_mesh() -> None:
     steps = [rays.traced(("bvh", "kd-sah"), turn, 2048) for turn in turns]
     assert len(steps) == len(rays.meshes()) * len(rays.KINDS) * 2
     assert [fault for step in steps for fault in step.faults] == []
-    lost = "lost within rounding of an edge, aimed at edges"
-    assert sum(step.counts.get(lost, 0) for step in steps) > 0  # known, and not hidden
 
 
 @pytest.mark.parametrize("kind", rays.KINDS)
@@ -103,7 +100,6 @@ def test_threads_change_nothing() -> None:
     aimed = 1
     steps = [rays.traced(("wide",), aimed, 20_000, threads) for threads in (1, 3)]
     assert steps[0] == steps[1]
-    assert steps[0].largest
 
 
 def test_every_mesh_is_closed() -> None:
@@ -164,7 +160,6 @@ def test_a_missing_triangle_is_a_leak(monkeypatch: pytest.MonkeyPatch, turn: int
     step = _leaks(monkeypatch, replace(whole, faces=whole.faces[1:], share=1), turn)
     assert 4096 / 80 / 3 < step.counts["leaks"] < 3 * 4096 / 80
     assert len(step.faults) == step.counts["leaks"]
-    assert "no triangle is near it" in step.faults[0]
 
 
 @pytest.mark.parametrize(
@@ -201,36 +196,6 @@ def test_what_one_structure_loses_is_a_leak(monkeypatch: pytest.MonkeyPatch) -> 
     step = rays.traced(("bvh", "wide"), 0, 4096)
     assert step.counts["leaks"] > 4096 / 20 / 3
     assert all(fault.startswith("wide") for fault in step.faults)
-    assert "times what rounding can do" in step.faults[0]
-
-
-_TRIANGLES = {
-    "like its neighbours": [(0, 0, 3), (1, 0.1, 3.2), (0.3, 0.9, 2.9)],
-    "a needle": [(-1, 0, 5), (1, 0.001, 5), (0.9, 0.002, 5.001)],
-    "at 10^4": [(1e4, 1e4, 1e4), (1e4 + 1, 1e4, 1e4 + 1), (1e4, 1e4 + 1, 1e4)],
-    "edge on": [(0, 0.02, 1), (0.001, 0.02, 9), (-0.5, 0.02, 5)],
-    "tiny": [(0, 0, 1), (1e-5, 0, 1), (0, 1e-5, 1.00001)],
-}
-
-
-@pytest.mark.parametrize("corners", _TRIANGLES.values(), ids=_TRIANGLES)
-def test_what_is_certain_comes_true(corners) -> None:
-    """Rays past the edges of one triangle, 40,960 each, as the renderer decides them."""
-    vertices = np.array(corners, np.float32)
-    away = 1e4 - 3.0 if vertices.max() > 1e3 else 0.0
-    mesh = ClosedMesh("one", vertices, np.array([[0, 1, 2]]), Starts(0, 0.1, 1, away), 1)
-    made = rays_from_inside(mesh, True, 0, 40_960)
-    origin, direction, _ = (rows.astype(float) for rows in made.rows())
-    sure = certainty(mesh, origin, direction)
-    hit = rays._met("brute", mesh, rays.make_query("random", made))
-    assert hit[sure > 1.0].all() and not hit[sure < -1.0].any()
-    assert np.mean(np.abs(sure) > 1.0) > 0.02  # rays pass at most 0.01 edges away
-
-
-def test_a_tenth_of_the_bound_would_be_too_little() -> None:
-    """It is not so wide that it would hide a leak."""
-    step = rays.traced(("wide",), 1, 100_000)
-    assert 0.1 < step.largest[rays.FARTHEST_LOST] < 1.0
 
 
 # --------------------------------------------------------------------------- self hits
@@ -566,7 +531,7 @@ def test_the_repositorys_rows_have_the_totals_of_the_old_record() -> None:
     """Those that the page showed before trials had rows."""
     study = find_study("soak")
     shown = soaked(study, Store(Path("nowhere")).everything("soak"))
-    assert (shown.open, shown.mended, shown.unfinished) == (0, 27, ["growth"])
+    assert (shown.open, shown.mended, shown.unfinished) == (0, 27, ["rays", "growth"])
     found = {trial.name: trial for trial in shown.trials}
     assert found["rays"].sums.done == 15_001_190_400
     assert found["rays"].sums.counts["rays: octree"] == 1_000_079_360

@@ -34,12 +34,20 @@ class Number:
 class Derived:
     """Annotation of a number that follows from the other fields.
 
-    It comes last. Tables in rows hold it; from blocks it is loaded as None, and the kernels
-    compute it.
+    It comes behind them. Tables in rows hold it; from blocks it is loaded as None, and the
+    kernels compute it.
     """
 
 
-_SIZES = {Vector: 3, Number: 1, Derived: 1}
+class Bound:
+    """Annotation of a number that may be larger than it has to be.
+
+    It comes last. Tables in rows hold that of each record, blocks one for all eight.
+    """
+
+
+_SIZES = {Vector: 3, Number: 1, Derived: 1, Bound: 1}
+_IN_BLOCKS = (Vector, Number)
 
 
 @functools.cache
@@ -47,9 +55,19 @@ def _fields(record: type) -> tuple[type, ...]:
     return tuple(get_type_hints(record).values())
 
 
-def size_of(record: type, *, derived: bool) -> int:
-    """Return how many numbers a class takes, with or without the derived ones."""
-    return sum(_SIZES[kind] for kind in _fields(record) if derived or kind is not Derived)
+def size_of(record: type) -> int:
+    """Return how many numbers a class takes in tables in rows."""
+    return sum(_SIZES[kind] for kind in _fields(record))
+
+
+def size_in_block(record: type) -> int:
+    """Return how many of them, the first, each record has in blocks."""
+    return sum(_SIZES[kind] for kind in _fields(record) if kind in _IN_BLOCKS)
+
+
+def bounds_of(record: type) -> int:
+    """Return how many of them, the last, are bounds."""
+    return _fields(record).count(Bound)
 
 
 def form_of(record: type) -> Any:
@@ -57,19 +75,26 @@ def form_of(record: type) -> Any:
     return record(*(None for _ in _fields(record)))
 
 
-def _loading(load: Any, steps: tuple[int, int], derived: bool, doc: str) -> Any:
+def _loading(load: Any, steps: tuple[int, int], in_block: bool, doc: str) -> Any:
     """Return what loads all fields; `steps` in row and column lead to the next number."""
 
     @intrinsic
-    def load_fields(typingctx: Any, form: Any, table: Any, row: Any, column: Any) -> Any:
-        loader = typingctx.resolve_value_type(load)
-        place = (table, types.int64, types.int64)
-        loading = typingctx.resolve_function_type(loader, place, {})
+    def load_fields(
+        typingctx: Any, form: Any, table: Any, bounds: Any, row: Any, column: Any
+    ) -> Any:
+        def resolved(load: Any, array: Any) -> tuple[Any, Any]:
+            loader = typingctx.resolve_value_type(load)
+            place = (array, types.int64, types.int64)
+            return loader, typingctx.resolve_function_type(loader, place, {})
+
+        loader, loading = resolved(load, table)
+        one, one_loading = resolved(load_one, bounds if in_block else table)
         number = loading.return_type
         of_kind = {
             Vector: Vec3Type(number),
             Number: number,
-            Derived: number if derived else types.none,
+            Derived: types.none if in_block else number,
+            Bound: one_loading.return_type if in_block else number,
         }
         cls = record_class(form)
         kinds = _fields(cls)
@@ -77,7 +102,8 @@ def _loading(load: Any, steps: tuple[int, int], derived: bool, doc: str) -> Any:
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             function = context.get_function(loader, loading)
-            first = [as_i64(context, builder, args[k], sig.args[k]) for k in (2, 3)]
+            bound = context.get_function(one, one_loading)
+            first = [as_i64(context, builder, args[k], sig.args[k]) for k in (3, 4)]
 
             def number_at(k: int) -> Any:
                 at = (
@@ -86,10 +112,14 @@ def _loading(load: Any, steps: tuple[int, int], derived: bool, doc: str) -> Any:
                 )
                 return function(builder, (args[1], *at))
 
-            values, taken = [], 0
+            values, taken, nth = [], 0, 0
             for kind, part in zip(kinds, made.types, strict=True):
                 if part == types.none:
                     values.append(context.get_dummy_value())
+                elif in_block and kind is Bound:
+                    place = first[0], ir.Constant(first[0].type, nth)
+                    values.append(bound(builder, (args[2], *place)))
+                    nth += 1
                 elif kind is Vector:
                     vector = cgutils.create_struct_proxy(part)(context, builder)
                     for k, name in enumerate("xyz"):
@@ -100,21 +130,27 @@ def _loading(load: Any, steps: tuple[int, int], derived: bool, doc: str) -> Any:
                 taken += _SIZES[kind]
             return context.make_tuple(builder, made, values)
 
-        return signature(made, form, table, row, column), codegen
+        return signature(made, form, table, bounds, row, column), codegen
 
     load_fields.__doc__ = doc
     return load_fields
 
 
 one_from_rows = _loading(
-    load_one, (1, 0), True, "Load the record in `table[row:, column]` as scalars."
+    load_one, (1, 0), False, "Load the record in `table[row:, column]` as scalars."
 )
 lanes_from_rows = _loading(
-    load_row, (1, 0), True, "Load 16 records from `table[row:, column]` on as lanes."
+    load_row, (1, 0), False, "Load 16 records from `table[row:, column]` on as lanes."
 )
 one_from_block = _loading(
-    load_one, (0, 8), False, "Load a record from `table[row, column::8]` as scalars."
+    load_one,
+    (0, 8),
+    True,
+    "Load a record from `table[row, column::8]` as scalars, with `bounds[row]`.",
 )
 lanes_from_block = _loading(
-    load_eight, (0, 8), False, "Load the eight records of `table[row, column:]` as lanes."
+    load_eight,
+    (0, 8),
+    True,
+    "Load the eight records of `table[row, column:]` as lanes, with `bounds[row]`.",
 )

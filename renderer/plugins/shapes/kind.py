@@ -153,7 +153,7 @@ class ShapeKind:
             column = np.full(n + LANES, -1, np.int32)
             column[:n] = columns
             return ScalarGroup(column, surfaces, ids, n)
-        rows = np.zeros((size_of(self.primitive, derived=True), n + LANES), np.float32)
+        rows = np.zeros((size_of(self.primitive), n + LANES), np.float32)
         names = self.primitive._fields  # type: ignore[attr-defined]
         parts = (
             (getattr(surfaces, name)[..., columns] for name in names)

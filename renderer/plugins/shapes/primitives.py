@@ -90,10 +90,10 @@ def hit_primitive(group, primitive, origin, direction, t_max):
 @primitive_at.by(Group)
 @kernel
 def _one_of_group(group, k):
-    return one_from_rows(group.form, group.rows, 0, k)
+    return one_from_rows(group.form, group.rows, None, 0, k)
 
 
 @primitives_from.by(Group)
 @kernel
 def _lanes_of_group(group, k):
-    return lanes_from_rows(group.form, group.rows, 0, k)
+    return lanes_from_rows(group.form, group.rows, None, 0, k)

@@ -1,7 +1,8 @@
 """Ray against triangle, by both methods of the lecture.
 
 The renderer uses `hit_triangle`, the plane method with the normal stored in the triangle's
-record: 29 multiplications and additions against 38 of Moeller-Trumbore.
+record: 29 multiplications and additions against 38 of Moeller-Trumbore. Near an edge the
+vertices decide (`watertight`), so that a closed mesh has no gaps.
 """
 
 from __future__ import annotations
@@ -11,8 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import always_inline, by_columns, interface, kernel, table_columns
-from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
+from renderer.kernels.jit import (
+    always_inline,
+    by_columns,
+    interface,
+    kernel,
+    never_inline,
+    table_columns,
+)
+from renderer.kernels.lanes.fields import Bound, Derived, Vector
+from renderer.kernels.lanes.functions import any_of, fabs, minimum, select, to_f32, to_i32
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.plugins.sampling.numbers_and_warps import density_normal, square_to_triangle
@@ -20,7 +29,6 @@ from renderer.plugins.shapes import flat
 from renderer.plugins.shapes.flat import (
     MARGIN,
     ONE,
-    Patch,
     divided,
     grazing,
     meet_plane,
@@ -28,7 +36,7 @@ from renderer.plugins.shapes.flat import (
 )
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.mesh_plugins import MESH_PLUGINS
-from renderer.plugins.shapes.primitives import Intersection, empty_rows
+from renderer.plugins.shapes.primitives import Intersection, empty_rows, float32
 from renderer.plugins.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -41,11 +49,22 @@ from renderer.plugins.shapes.uv import (
     point_of_mesh,
     texture_tangents,
 )
+from renderer.plugins.shapes.watertight import edge_margin, in_doubt, meet_by_vertices
 from renderer.scene_file.description import Mesh
 
 
-class Triangle(Patch):
-    """The corner is p1 of the lecture."""
+class Triangle(NamedTuple):
+    """One triangle, or 16 in lanes."""
+
+    corner: Vector  # p1 of the lecture; these as of `flat.Patch`
+    edge1: Vector
+    edge2: Vector
+    normal: Vector
+    second: Vector  # the other vertices: corner + edge would be rounded
+    third: Vector
+    breadth: Derived  # as of `flat.Patch`
+    size: Bound  # |edge1| + |edge2|, each the sum of absolute components
+    slack: Bound  # size (|corner| + size)
 
 
 @kernel
@@ -63,11 +82,24 @@ def hit_triangle(triangle, origin, direction, t_max):
     always_inline()
     p = meet_plane(triangle, origin, direction)
     depth = _depth_inside(p)
-    doubtful = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
-    if any_of(doubtful):
-        p = meet_plane_in_double(triangle, origin, direction, doubtful, p)
+    grazes = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
+    near = fabs(depth) < edge_margin(triangle, origin, direction)
+    if any_of(grazes | near):
+        p = _meet_again(triangle, origin, direction, grazes, p)
         depth = _depth_inside(p)
     return divided(p, depth >= 0.0, t_max)
+
+
+@kernel
+def _meet_again(triangle, origin, direction, grazes, p):
+    """Return the `PlaneHit` where single precision is not enough, else `p`."""
+    never_inline()
+    if any_of(grazes):
+        p = meet_plane_in_double(triangle, origin, direction, grazes, p)
+    doubtful = in_doubt(triangle, origin, direction, _depth_inside(p))
+    if any_of(doubtful):
+        p = meet_by_vertices(triangle, origin, direction, doubtful, p)
+    return p
 
 
 @kernel
@@ -96,6 +128,7 @@ class TriangleSurfaces(NamedTuple):
     first: int
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+    ends: NDArray[np.float32]  # (6, n) of edge1 and edge2: corner + edge would be rounded
     # each of the following has no columns if no mesh has it or no kernel reads it
     normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
     uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
@@ -191,13 +224,11 @@ def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
 
 def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
     """Concatenate meshes; normals are kept if any mesh has them."""
-    corners, edges1, edges2, normals, uvs = [], [], [], [], []
+    vertices, normals, uvs = [], [], []
     smooth = any(mesh.normals is not None for mesh in meshes)
     for mesh in meshes:
         p = mesh.vertices[mesh.faces].astype(np.float32)  # (F, 3 vertices, 3)
-        corners.append(p[:, 0].T)
-        edges1.append((p[:, 1] - p[:, 0]).T)
-        edges2.append((p[:, 2] - p[:, 0]).T)
+        vertices.append(p)
         if smooth:
             normals.append(_vertex_normals(mesh, p))
         corner_uvs = (
@@ -206,14 +237,18 @@ def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
             else mesh.uvs[mesh.faces]
         )
         uvs.append(corner_uvs.reshape(len(p), 6).T)
-    count = sum(mesh.faces.shape[0] for mesh in meshes)
-    placed = (np.concatenate(part, axis=1) for part in (corners, edges1, edges2))
+    return triangles_of(np.concatenate(vertices), first)._replace(
+        normals=by_columns(np.concatenate(normals, axis=1)) if smooth else empty_rows(9),
+        uvs=by_columns(np.concatenate(uvs, axis=1)),
+    )
+
+
+def triangles_of(vertices: NDArray[np.float32], first: int = 0) -> TriangleSurfaces:
+    """Return triangles of vertices (n, 3, 3), with primitive ids from `first` on."""
+    a, b, c = vertices.transpose(1, 2, 0)
+    ends = float32(np.concatenate((b, c)))
     return TriangleSurfaces(
-        first,
-        first + count,
-        flat.places(*placed),
-        by_columns(np.concatenate(normals, axis=1)) if smooth else empty_rows(9),
-        by_columns(np.concatenate(uvs, axis=1)),
+        first, first + len(vertices), flat.places(a, b - a, c - a), ends
     )
 
 
@@ -225,6 +260,14 @@ def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
     n = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     return np.tile(-n if mesh.flip_normals else n, 3).T
+
+
+def _numbers(s: Any, columns: Any) -> tuple[Any, ...]:
+    """Return the fields of `Triangle`; the other vertices in one."""
+    *patch, breadth = flat.numbers(s, columns)
+    corner, edge1, edge2 = (np.abs(part).sum(axis=0) for part in patch[:3])
+    size = edge1 + edge2
+    return *patch, s.ends[:, columns], breadth, size, size * (corner + size)
 
 
 def _corners(s: Any) -> list[NDArray[np.float32]]:
@@ -251,7 +294,7 @@ TRIANGLES = ShapeKind(
     record=TriangleSurfaces,
     surfaces=surfaces,
     primitive=Triangle,
-    numbers=flat.numbers,
+    numbers=_numbers,
     intersect=hit_triangle,
     surface_point=_point_on_triangle,
     tangent=_tangent_of_triangle,

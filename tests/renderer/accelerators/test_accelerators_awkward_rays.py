@@ -122,24 +122,21 @@ def bumpy_sphere(n=16, seed=0):
 def test_rays_at_edges_and_vertices_of_a_closed_mesh(name):
     """From inside, at random, at points of edges, and at the vertices themselves (row 3).
 
-    Traversals must agree whatever is hit. Random rays find no hole. Aimed at an edge or a
-    vertex to the last digit, some slip through, as in every test that is not watertight:
-    neighbours round their shared edge each for themselves. Measured on three meshes
-    with 200000 rays each: random 0, edges 5.6 to 5.9 %, vertices 10.5 to 10.9 %.
+    None is lost, one by one and in packets, nearest and any hit. Where neighbours round
+    their shared edge each for themselves, 6 % of the rays at edges slip through, and 11 %
+    of those at vertices.
     """
     rng = np.random.default_rng(12)
     mesh = bumpy_sphere()
     surfaces = triangles(mesh)
     n = 10_000
     origin = rng.uniform(-0.2, 0.2, (n, 3))
-    at_random = assert_same_hits(name, "triangles", surfaces, origin, directions(n, rng))
-    assert (at_random.prim >= 0).all()
     w, k = rng.random((n, 1)), rng.integers(0, len(mesh), n)
     on_edges = mesh[k, 0] * w + mesh[k, 1] * (1 - w)
-    for target, most in ((on_edges, 0.07), (mesh[k, 2], 0.13)):
+    for target in (origin + directions(n, rng), on_edges, mesh[k, 2]):
         direction = unit(target - origin)
         truth = assert_same_hits(name, "triangles", surfaces, origin, direction)
-        assert 0 < np.mean(truth.prim < 0) < most
+        assert (truth.prim >= 0).all()
 
 
 @every_name

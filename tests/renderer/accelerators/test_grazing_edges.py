@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from kernel_probes import accelerator, closest, directions, triangles, unit
 
-GAPS = 0.005  # of such rays; measured 4 of 4295, and 265 without the MARGIN of patch.py
-
 
 def octasphere(splits: int) -> np.ndarray:
     """Return the faces of a sphere-like convex mesh, (n, 3, 3), turned outward."""
@@ -29,8 +27,8 @@ def test_rays_that_graze_an_edge_from_inside_find_no_gap():
     """In single precision u and v of a grazing ray are off by any amount.
 
     The rays start inside, aim at points of edges and make 1e-4 to 0.1 rad with the sphere.
-    Each must meet something. Those within rounding of both faces' planes may still slip
-    through: deciding the faces in double precision leaves about one in a thousand.
+    Each must meet something. Faces decided in double precision, each for itself, lose one
+    in a thousand.
     """
     mesh = octasphere(3)  # 512 faces
     rng = np.random.default_rng(5)
@@ -52,4 +50,4 @@ def test_rays_that_graze_an_edge_from_inside_find_no_gap():
         origin[inside],
         direction[inside],
     )
-    assert np.mean(found.prim < 0) < GAPS
+    assert (found.prim >= 0).all()

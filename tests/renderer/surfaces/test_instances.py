@@ -174,6 +174,31 @@ def test_boxes_hold_what_rounding_finds_outside_of_them(folder, distance):
         assert 0.02 < brute.hit.mean() < 0.95
 
 
+def test_no_ray_is_lost_at_the_edges_of_an_instance(folder):
+    """From inside of slanted cubes, at edges, diagonals and vertices of their triangles."""
+    rng = np.random.default_rng(21)
+    linear = np.linalg.qr(rng.standard_normal((3, 3)))[0] @ np.diag([0.7, 1.0, 3.1])
+    text = '<shape type="shapegroup" id="g"><shape type="cube"/></shape>'
+    for x in (0.0, 20.0):
+        numbers = " ".join(f"{a:.9g}" for a in np.c_[linear, [x, 3.0, 1.0]].ravel())
+        text += '<shape type="instance"><ref id="g"/><transform name="to_world">'
+        text += f'<matrix value="{numbers} 0 0 0 1"/></transform></shape>'
+    (folder / "cubes.xml").write_text(scene_text(text))
+    scene = renderer.load_file(folder / "cubes.xml")
+    shape = scene.description.groups[0].shapes[0]
+    vertices = shape.vertices[shape.faces].astype(float)  # (12, 3 vertices, 3)
+    n = RAYS // 2
+    face, side = rng.integers(0, 12, n), rng.integers(0, 3, n)
+    along = rng.random((n, 1)) * rng.integers(0, 2, (n, 1))  # half of them at vertices
+    a, b = vertices[face, side], vertices[face, (side + 1) % 3]
+    shift = np.array([0.0, 3.0, 1.0]) + 20.0 * rng.integers(0, 2, (n, 1)) * [1, 0, 0]
+    origin = np.float32(rng.uniform(-0.4, 0.4, (n, 3)) @ linear.T + shift)
+    target = (a + along * (b - a)) @ linear.T + shift
+    for accel in ("auto", "brute"):
+        found = Hit(inputs_of(scene, accel), origin, unit(target - origin))
+        assert found.hit.all()
+
+
 def test_trees_are_sound(scene):
     """And the check notices a box that is too small and a lost primitive."""
     instances = accelerators_of(scene).instances

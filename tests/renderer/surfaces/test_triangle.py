@@ -4,33 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_probes import directions, float32
+from kernel_probes import directions, float32, triangles
 
-from renderer.kernels.jit import entry_kernel
+from renderer.accelerators.build import primitive_group
+from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.plugins.shapes.triangle import (
-    Triangle,
-    hit_triangle,
-    hit_triangle_moeller_trumbore,
-)
+from renderer.plugins.shapes.primitives import primitives_from
+from renderer.plugins.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
 
 N = 16_384
 
 
 @entry_kernel
-def run_both(corner, edge1, edge2, normal, origin, direction, t_max, out):
+def run_both(group, origin, direction, t_max, out):
     """Lane k is triangle k against ray k; out[method] has rows hit, t, u, v."""
     for i in range(0, t_max.size, 16):
-        patch = Triangle(
-            load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i), None
-        )
+        triangle = primitives_from(group, i)
         o, d, end = load3(origin, i), load3(direction, i), load_row(t_max, 0, i)
         method = 0
         for x in (
-            hit_triangle(patch, o, d, end),
-            hit_triangle_moeller_trumbore(patch, o, d, end),
+            hit_triangle(triangle, o, d, end),
+            hit_triangle_moeller_trumbore(triangle, o, d, end),
         ):
             store_row(out[method], 0, i, select(x.hit, splat_f32(1.0), splat_f32(0.0)))
             store_row(out[method], 1, i, x.t)
@@ -49,21 +45,14 @@ class Result:
 
 def both(p, origin, direction, t_max=np.inf):
     """Triangles (n, 3, 3) against rays (n, 3): results of the two methods."""
-    p = np.asarray(p, np.float32)
     n = len(p)
     m = n + -n % 16
-    edges = [p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]]
-    normal = np.cross(edges[1].astype(float), edges[2].astype(float))
-    arrays = [
-        *edges,
-        normal,
-        np.broadcast_to(origin, (n, 3)),
-        np.broadcast_to(direction, (n, 3)),
-    ]
-    padded = [np.pad(float32(a), ((0, m - n), (0, 0))).T.copy() for a in arrays]
+    rays = (np.broadcast_to(a, (n, 3)) for a in (origin, direction))
+    padded = [np.pad(float32(a), ((0, m - n), (0, 0))).T.copy() for a in rays]
     out = np.zeros((2, 4, m), np.float32)
     ends = np.pad(np.broadcast_to(np.float32(t_max), n), (0, m - n))
-    run_both(*padded, np.ascontiguousarray(ends), out)
+    group = primitive_group("triangles", triangles(p), np.arange(n))
+    run_both(pack(group), *padded, np.ascontiguousarray(ends), out)
     return [Result(rows[:, :n]) for rows in out]
 
 

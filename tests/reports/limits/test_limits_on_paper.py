@@ -12,10 +12,8 @@ import pytest
 
 from renderer.accelerators.build import build_accelerator
 from renderer.kernels.records.batch import PRIMITIVES
-from reports.atlas import every_case
 from reports.studies.limits import structures
 from reports.studies.limits.comparing import noisy, right_picture
-from reports.studies.limits.intersections import lost_at_vertices
 from reports.studies.limits.lamps import (
     hidden_lamp,
     one_lamp_that_counts,
@@ -111,21 +109,6 @@ def test_strategies_agree_on_the_mean():
         error = np.hypot(np.std(values), np.std(usual)) / len(values) ** 0.5
         assert abs(np.mean(values) - np.mean(usual)) < 4 * error
     assert spread_of_a_sample(usual, 64) == spread_of_a_sample(values, 64)
-
-
-def test_rays_at_vertices_are_lost_at_a_rate():
-    """Of rays at vertices 0.1 % are lost at 1e5: no seed alone decides the case.
-
-    Ten seeds of 2048 rays: none loses more than 0.5 % at 1e4, where 1e-4 are expected
-    (a false alarm in less than 1e-12), and all do at 1e7, where 5 % are.
-    """
-    case = every_case()["edges"]
-    method = case.methods["vertices-ours"]
-    for seed in range(10):
-        before, behind = (
-            lost_at_vertices(strength, seed) for strength in (method.holds, method.fails)
-        )
-        assert before <= method.tolerance < behind
 
 
 # --------------------------------------------------------- that a scene is the stress it is

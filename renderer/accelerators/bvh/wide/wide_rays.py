@@ -52,7 +52,7 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import column3, local_f32, local_i32
 from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
-from renderer.plugins.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import AT_FIRST, WIDTH
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured
 # Places of a ray's stack: seven a level of at most 60, and room for eight to be written at
@@ -248,6 +248,7 @@ def _prefetch(accel, node):
     inner = max(node, 0) * WIDE_BYTES
     prefetch(accel.octets, 0, inner)
     prefetch(accel.octets, 0, inner + 64)
-    rows = accel.blocks.rows
-    for k in range(0, rows.shape[1], 16):
-        prefetch(rows, max(~node, 0), k)
+    blocks, block = accel.blocks, max(~node, 0)
+    prefetch(blocks.bounds, block, 0)
+    for k in range(0, min(blocks.rows.shape[1], AT_FIRST), 16):
+        prefetch(blocks.rows, block, k)

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_probes import FIRST_ID, KINDS, accelerator, closest, directions, soup
+from kernel_probes import (
+    FIRST_ID,
+    KINDS,
+    accelerator,
+    closest,
+    directions,
+    soup,
+    triangles,
+)
 
 from renderer.accelerators.build import primitive_group
 from renderer.accelerators.bvh.bvh import build_bvh
@@ -12,6 +20,7 @@ from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, validate_bvh
 from renderer.plugins.shapes.extents import extents_of
 from renderer.plugins.shapes.flat import replaced
+from renderer.plugins.shapes.triangle import TriangleSurfaces
 
 RAYS = 2000
 N = 400
@@ -40,8 +49,15 @@ def as_tree(bvh):
     return BvhTree(bvh.bounds, bvh.child, bvh.count, leaf_order(bvh, FIRST_ID))
 
 
+def triangles_from(corner, edge1, edge2):
+    """Return triangles from three (3, n)."""
+    return triangles(np.stack((corner, corner + edge1, corner + edge2)).transpose(2, 0, 1))
+
+
 def moved(surfaces, where):
     """Move corners, centres or bases (3, n) by a function; edges and radii stay."""
+    if isinstance(surfaces, TriangleSurfaces):
+        return triangles_from(where(surfaces.corner), surfaces.edge1, surfaces.edge2)
     field = next(f for f in ("corner", "center", "base") if hasattr(surfaces, f))
     there = np.ascontiguousarray(where(getattr(surfaces, field)), np.float32)
     if field == "corner":
@@ -89,9 +105,9 @@ def test_moving_all_alike_keeps_the_cost():
     place of coordinates, differs.
     """
     surfaces = soup("triangles", N, np.random.default_rng(2))
-    edges = {f: getattr(surfaces, f)[[1, 2, 0]] for f in ("edge1", "edge2")}
-    turned = replaced(surfaces, **edges)
-    turned = moved(turned, lambda p: p[[1, 2, 0]] + 4.0)
+    parts = (surfaces.corner, surfaces.edge1, surfaces.edge2)
+    corner, edge1, edge2 = (part[[1, 2, 0]] for part in parts)
+    turned = triangles_from(corner + 4.0, edge1, edge2)
     bvh = build("triangles", surfaces)
     cost = bvh_cost(as_tree(bvh))
     assert bvh_cost(as_tree(refit(bvh, "triangles", turned))) == pytest.approx(
