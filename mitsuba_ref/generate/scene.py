@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
-from mitsuba_ref.generate import files, grammar
+from mitsuba_ref.generate import files, grammar, surface_grammar
 from mitsuba_ref.generate.coverage import Coverage
 from mitsuba_ref.generate.drawing import (
     Drawing,
@@ -110,25 +110,27 @@ def _bsdf(drawing: Drawing, tree: bool = False) -> Element:
     """Draw a BSDF by itself, on both sides, or of the pool of structures."""
     rest = drawing.rng.random()
     if rest < 0.25 and not tree:
-        return _nested(drawing, drawing.rng.choice(grammar.STRUCTURES))
+        return _nested(drawing, drawing.rng.choice(surface_grammar.STRUCTURES))
     if rest < 0.45:
         drawing.opaque = True
         element = Element("bsdf", type="twosided")
         for _ in range(drawing.rng.randint(1, 2)):
-            possible = [n for n in grammar.BSDFS if n not in grammar.TRANSPARENT]
+            possible = [
+                n for n in surface_grammar.BSDFS if n not in surface_grammar.TRANSPARENT
+            ]
             element.append(_nested(drawing, drawing.pick("bsdf", possible)))
         drawing.opaque = False
         return element
-    return _nested(drawing, drawing.pick("bsdf", tuple(grammar.BSDFS)))
+    return _nested(drawing, drawing.pick("bsdf", tuple(surface_grammar.BSDFS)))
 
 
-def _nested(drawing: Drawing, structure: grammar.Structure) -> Element:
+def _nested(drawing: Drawing, structure: surface_grammar.Structure) -> Element:
     """Draw a BSDF with this name, or a wrapper with what is inside of it."""
     if isinstance(structure, str):
-        return draw_plugin(drawing, "bsdf", structure, grammar.BSDFS[structure])
+        return draw_plugin(drawing, "bsdf", structure, surface_grammar.BSDFS[structure])
     name, *inside = structure
     assert isinstance(name, str)
-    element = draw_plugin(drawing, "bsdf", name, grammar.WRAPPERS[name])
+    element = draw_plugin(drawing, "bsdf", name, surface_grammar.WRAPPERS[name])
     if name == "normalmap":
         element.append(draw_plugin(drawing, "texture", "bitmap", NORMALS, "normalmap"))
     if name == "bumpmap":
@@ -164,13 +166,19 @@ def _shape(
     grouped: bool = False,
 ) -> Element:
     """Draw a shape with its BSDF, as a lamp at times."""
-    possible = [n for n in grammar.SHAPES if not (emits and n in grammar.DARK)]
+    possible = [
+        n for n in surface_grammar.SHAPES if not (emits and n in surface_grammar.DARK)
+    ]
     plugin = plugin or drawing.pick("shape", possible)
-    properties = grammar.SHAPES[plugin]
-    if plugin in grammar.UNPLACED and drawing.chance(0.4):
-        properties = grammar.UNPLACED[plugin]
+    properties = surface_grammar.SHAPES[plugin]
+    if plugin in surface_grammar.UNPLACED and drawing.chance(0.4):
+        properties = surface_grammar.UNPLACED[plugin]
     shape = draw_plugin(drawing, "shape", plugin, properties)
-    uvs = _add_mesh(drawing, shape, plugin, grouped) if plugin in grammar.MESHES else True
+    uvs = (
+        _add_mesh(drawing, shape, plugin, grouped)
+        if plugin in surface_grammar.MESHES
+        else True
+    )
     if shared and drawing.chance(0.5):
         SubElement(shape, "ref", id="shared")
     elif drawing.chance(0.9):
@@ -178,7 +186,7 @@ def _shape(
     drawing.attributes = False
     if emits:
         drawing.present.append("emitter area")
-        even = plugin in grammar.EVEN or not uvs
+        even = plugin in surface_grammar.EVEN or not uvs
         radiance = light_texture(8.0, plain_share=1.0 if even else 0.6)
         light = draw_plugin(drawing, "emitter", "area", {"radiance!": radiance})
         shape.append(light)
@@ -208,11 +216,11 @@ def _add_mesh(drawing: Drawing, shape: Element, plugin: str, grouped: bool) -> b
 
 def _instances(drawing: Drawing, tree: bool) -> list[Element]:
     group = Element("shape", type="shapegroup", id="group")
-    for plugin in drawing.rng.choice(grammar.GROUPS):
+    for plugin in drawing.rng.choice(surface_grammar.GROUPS):
         group.append(_shape(drawing, tree, [], False, plugin, grouped=True))
     placed = []
     for _ in range(drawing.rng.randint(1, 2)):
-        instance = draw_plugin(drawing, "shape", "instance", grammar.INSTANCE)
+        instance = draw_plugin(drawing, "shape", "instance", surface_grammar.INSTANCE)
         SubElement(instance, "ref", id="group")
         placed.append(instance)
     return [group, *placed]
