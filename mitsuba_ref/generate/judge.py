@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
+from mitsuba_ref.generate.faults import KNOWN_FAULTS
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -49,28 +50,6 @@ class Judgement:
     quantity: str = ""  # the first that differs; the name of an error
     pixel: tuple[int, int] | None = None  # where: x, y
     brightness: float = 0.0  # mean of Mitsuba's picture
-
-
-@dataclass(frozen=True)
-class KnownFault:
-    """A fault of Mitsuba that is told by what a scene has."""
-
-    name: str  # as the heading of docs/mitsuba-faults.md
-    shown_by: Callable[[Element], bool]
-
-
-def has(root: Element, tag: str, plugin: str, name: str = "", value: str = "") -> bool:
-    """Tell whether a scene has a plugin, with a property of this name and value."""
-    for element in root.iter(tag):
-        if element.get("type") != plugin:
-            continue
-        found = [child for child in element if child.get("name") == name]
-        if not name or any(value in ("", child.get("value")) for child in found):
-            return True
-    return False
-
-
-KNOWN_FAULTS: tuple[KnownFault, ...] = ()
 
 
 def write_scene(scene: DrawnScene, folder: Path) -> Path:
@@ -117,18 +96,25 @@ class Judge:
         self._limits = limits
 
     def judge(self, scene: DrawnScene) -> Judgement:
-        """Return what a replay says, known faults among it."""
+        """Return what a replay says, known faults among it.
+
+        A difference is a known fault's if the scene without what brings it about has none.
+        """
+        found = self._judge(scene)
+        if found.verdict == UNKNOWN:
+            for name, undo in KNOWN_FAULTS.items():
+                root = copy.deepcopy(scene.root)
+                if undo(root) and self._judge(scene._replace(root=root)).verdict != UNKNOWN:
+                    return replace(found, verdict=FAULT, quantity=name)
+        return found
+
+    def _judge(self, scene: DrawnScene) -> Judgement:
         path = write_scene(scene, self._folder / "scene")
         try:
-            found = self._replay(path, sample_count(scene.root))
+            return self._replay(path, sample_count(scene.root))
         finally:
             for file in (*path.parent.iterdir(), *self._references.folder.glob("*.npz")):
                 file.unlink()
-        if found.verdict == UNKNOWN:
-            for fault in KNOWN_FAULTS:
-                if fault.shown_by(scene.root):
-                    return replace(found, verdict=FAULT, quantity=fault.name)
-        return found
 
     def _replay(self, path: Path, spp: int) -> Judgement:
         request = RenderRequest(path=str(path), threads=MIN_THREADS)

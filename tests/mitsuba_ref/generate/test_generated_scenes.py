@@ -8,9 +8,9 @@ import pytest
 
 from mitsuba_ref.generate import grammar
 from mitsuba_ref.generate.__main__ import seed_of
-from mitsuba_ref.generate.coverage import Coverage, plugins_of
+from mitsuba_ref.generate.coverage import Coverage, has, plugins_of
 from mitsuba_ref.generate.drawing import scene_text
-from mitsuba_ref.generate.judge import AGREE, REFUSED, UNKNOWN, Judge, Judgement, has
+from mitsuba_ref.generate.judge import AGREE, REFUSED, UNKNOWN, Judge, Judgement
 from mitsuba_ref.generate.record import ENDED, Record, summary
 from mitsuba_ref.generate.scene import BLOCK, Scenes
 from mitsuba_ref.our_renderer.picture import render_ours

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mitsuba_ref.generate.coverage import has
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
-from mitsuba_ref.generate.judge import has
 from mitsuba_ref.generate.reduce import reduce_scene, size_of
 from mitsuba_ref.generate.scene import Scenes
 
