@@ -18,6 +18,7 @@ from mitsuba_ref.generate.judge import (
     AGREE,
     STRICT,
     TIME_LIMIT,
+    UNCLASSED,
     UNKNOWN,
     Judge,
     Judgement,
@@ -53,7 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scenes = Scenes(options.seed)
         numbers = range(options.first, options.first + options.count)
         for number in numbers:
-            if number in record.known:
+            known = record.known.get(number)
+            if known and not (options.again and known.verdict in UNCLASSED):
                 continue
             scene = scenes.draw(number)
             record.begin(number)
@@ -65,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 name = f"{options.seed}/{number}"
                 words = f"{name}: {found.verdict}: {found.quantity}: {found.sentence}"
                 console.print(words, markup=False, soft_wrap=True)
-            if found.verdict == UNKNOWN and options.cases is not None:
+            if found.verdict in UNCLASSED and options.cases is not None:
                 case = options.cases / f"{options.seed}-{number}"
                 _write_case(scene, found, (judge, strict), case, options.reduce)
     record.add_circumstances(machine.circumstances("mitsuba_ref.generate", given))
@@ -73,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out = Console()
     out.print(scenes.coverage.sentence, markup=False, soft_wrap=True)
     out.print(summary(judged), markup=False, soft_wrap=True)
-    return int(any(found.verdict == UNKNOWN for found in judged))
+    return int(any(found.verdict in UNCLASSED for found in judged))
 
 
 def _try_defects(
@@ -113,7 +115,7 @@ def _write_case(
         if now.verdict == UNKNOWN and now.quantity == "picture":
             now = judge.judge(candidate)
         signal.alarm(0)
-        return (now.verdict, now.quantity) == (UNKNOWN, found.quantity)
+        return (now.verdict, now.quantity) == (found.verdict, found.quantity)
 
     small = reduce_scene(scene, still_differs, MOST) if reduce else scene
     write_scene(small, folder)
@@ -145,6 +147,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=seed_of, default=1, metavar="S", help="a number, or week")
     add("--first", type=int, default=0, metavar="K", help="number of the first scene")
     add("--resume", type=Path, metavar="FILE", help="the record: it is added to")
+    add("--again", action="store_true", help="judge its scenes without a class once more")
     add("--cases", type=Path, metavar="DIR", help="where unknown differences are written")
     add(
         "--no-reduce",

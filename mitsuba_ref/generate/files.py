@@ -84,7 +84,7 @@ def draw_soup(rng: Random) -> MeshContent:
     elif kind == 2:  # a needle
         vertices[2] = vertices[1] + 1e-5
     elif kind == 3:  # the same triangle twice, turned over
-        faces[1] = faces[0][::-1]
+        vertices[3:6] = vertices[2::-1]
     return MeshContent(vertices, faces, _some(rng, numbers_of(rng, 3 * count, 2)), None)
 
 
@@ -209,13 +209,16 @@ def draw_distances(rng: Random) -> Floats:
     return np.asarray((ball + 0.1 * numbers_of(rng, n, m, n) - 0.05)[..., None])
 
 
-def curve_bytes(rng: Random) -> bytes:
-    """Return one or two curves of control points, each with its radius."""
+def curve_bytes(rng: Random, unit: float) -> bytes:
+    """Return one or two curves of control points, each with its radius.
+
+    `to_world` places points and leaves radii as they are: those are in units of the scene.
+    """
     curves = []
     for _ in range(rng.randint(1, 2)):
         at = 2.0 * numbers_of(rng, rng.randint(4, 6), 3) - 1.0
         at[:, 0] = np.sort(at[:, 0])  # no turn that is tighter than the curve is thick
-        radii = 0.05 + 0.1 * numbers_of(rng, len(at), 1)
+        radii = unit * (0.03 + 0.08 * numbers_of(rng, len(at), 1))
         curves.append("\n".join(map(_row, np.column_stack([at, radii]))))
     return ("\n\n".join(curves) + "\n").encode()
 

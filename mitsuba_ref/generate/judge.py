@@ -31,13 +31,20 @@ AMPLIFIED = "amplified rounding"
 COINCIDENT = "coincident surfaces"
 FAULT = "known fault of Mitsuba"
 REFUSED = "cannot be replayed"
+STOPPED = "not rendered"
 UNKNOWN = "unknown"
-CLASSES = (AGREE, EDGE, AMPLIFIED, COINCIDENT, FAULT, REFUSED, UNKNOWN)
+CLASSES = (AGREE, EDGE, AMPLIFIED, COINCIDENT, FAULT, REFUSED, STOPPED, UNKNOWN)
+UNCLASSED = (STOPPED, UNKNOWN)
+"""What has to be looked at: a renderer refuses, ends or raises, or paths part."""
 
 TIME_LIMIT = 60.0
 """Seconds for one answer of Mitsuba; a scene takes less than one."""
 
 LIMITS = ReplayLimits(reason="scenes at random", traced=6)
+ROUNDED = 1e-4
+"""RMSE, over the mean, of pixels none of which diverged, that is rounding without a trace:
+a single pixel of a small picture decides it."""
+
 STRICT = ReplayLimits(reason="without a look at causes")
 
 
@@ -101,11 +108,13 @@ class Judge:
         A difference is a known fault's if the scene without what brings it about has none.
         """
         found = self._judge(scene)
-        if found.verdict == UNKNOWN:
-            for name, undo in KNOWN_FAULTS.items():
+        if found.verdict in UNCLASSED:
+            for fault in KNOWN_FAULTS:
                 root = copy.deepcopy(scene.root)
-                if undo(root) and self._judge(scene._replace(root=root)).verdict != UNKNOWN:
-                    return replace(found, verdict=FAULT, quantity=name)
+                if not (fault.explains(found.quantity) and fault.undo(root)):
+                    continue
+                if self._judge(scene._replace(root=root)).verdict not in UNCLASSED:
+                    return replace(found, verdict=FAULT, quantity=fault.name)
         return found
 
     def _judge(self, scene: DrawnScene) -> Judgement:
@@ -130,20 +139,20 @@ class Judge:
             found = _class_of(result, ours, theirs)
             if found.verdict in (EDGE, AMPLIFIED) and _has_coincident_surfaces(request):
                 found = replace(found, verdict=COINCIDENT)
-            if found.verdict == UNKNOWN and result.listed and not result.traced:
-                found = self._at_edges(found, result, request)
+            if found.verdict == UNKNOWN and result.pixels and not result.traced:
+                found = self._untraced(found, result, request)
         except NotReplayable as error:
             return Judgement(REFUSED, str(error), "NotReplayable")
         except (MitsubaCrashed, MitsubaTimeout) as error:
-            return Judgement(UNKNOWN, str(error), type(error).__name__)
+            return Judgement(STOPPED, str(error), type(error).__name__)
         except (MitsubaError, SceneError) as error:
-            return Judgement(UNKNOWN, _without(error, path), type(error).__name__)
+            return Judgement(STOPPED, _without(error, path), type(error).__name__)
         except Exception as error:  # a fault of ours: it is what is looked for
-            return Judgement(UNKNOWN, f"{error!r}"[:400], type(error).__name__)
+            return Judgement(STOPPED, f"{error!r}"[:400], type(error).__name__)
         with np.errstate(over="ignore", invalid="ignore"):
             return replace(found, brightness=float(theirs.mean(dtype=np.float64)))
 
-    def _at_edges(
+    def _untraced(
         self, found: Judgement, result: ReplayResult, request: RenderRequest
     ) -> Judgement:
         """Return the class of a scene whose paths cannot be traced.
@@ -152,6 +161,9 @@ class Judge:
         """
         if not self._limits.traced:
             return found
+        if not result.listed:
+            small = result.rmse is not None and result.rmse < ROUNDED
+            return replace(found, verdict=AMPLIFIED if small else UNKNOWN)
         told = first_hit_causes(result.listed, request, "this one", self._render_ours)
         elsewhere = [pixel for pixel in told if "next to an edge" not in pixel.cause]
         if not elsewhere:

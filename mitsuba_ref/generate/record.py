@@ -9,9 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from mitsuba_ref.generate.judge import AGREE, CLASSES, UNKNOWN, Judgement
+from mitsuba_ref.generate.judge import AGREE, CLASSES, STOPPED, Judgement
 
-ENDED = Judgement(UNKNOWN, "the process ended in the middle of this scene", "ended")
+ENDED = Judgement(STOPPED, "the process ended in the middle of this scene", "ended")
 
 
 class Record:

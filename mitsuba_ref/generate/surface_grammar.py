@@ -144,7 +144,7 @@ _AXIS = all_of(p0=vector("point", 0.5), p1=vector("point", 0.9), radius=scaled(0
 
 
 def _points_file(drawing: Drawing, name: str) -> list[Element]:
-    content = files.curve_bytes(drawing.rng)
+    content = files.curve_bytes(drawing.rng, drawing.unit)
     return [plain("string", name, drawing.keep_file("txt", content))]
 
 

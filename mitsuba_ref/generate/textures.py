@@ -57,11 +57,11 @@ def image(
 
 
 def light_image(drawing: Drawing, name: str) -> list[Element]:
-    """Draw an image of three channels of at least two texels along each side."""
+    """Draw an image of three channels, which shines between its first and last row."""
     rng = drawing.rng
-    pixels = files.numbers_of(rng, rng.randint(2, 6), rng.randint(2, 8), 3) + 0.05
+    pixels = files.numbers_of(rng, rng.randint(3, 6), rng.randint(3, 8), 3) + 0.05
     if drawing.chance(0.3):
-        pixels[0, 0] = 40.0
+        pixels[1, 0] = 40.0
     if pixels.max() <= 1.0 or drawing.chance(0.3):
         content, ending = files.png_bytes(pixels.clip(0.0, 1.0), 8), "png"
     else:
@@ -165,7 +165,7 @@ def texture(
             element.append(volume(drawing, "volume", GRID))
         elif plugin == "mesh_attribute":
             numbers = ("vertex_heat", "face_age")
-            colours = () if as_number else ("vertex_color", "face_tint")
+            colours = () if as_number else ("vertex_color", "face_tint_color")
             element.append(plain("string", "name", drawing.rng.choice(numbers + colours)))
             if drawing.chance(0.4):
                 element.append(plain("float", "scale", drawing.rng.uniform(0.2, 1.0)))
