@@ -1,4 +1,4 @@
-"""Faults of Mitsuba that scenes at random meet: what a scene is without them.
+"""Known faults that scenes at random meet: what a scene is without them.
 
 Each function takes out of a scene what brings its fault about, and tells whether there was
 such a thing. Headings and reasons are in docs/mitsuba-faults.md.
@@ -37,6 +37,21 @@ def _show_emitters(root: Element) -> bool:
     return found
 
 
+def _take_bumps_off_normal_maps(root: Element) -> bool:
+    """Leave out bump maps inside of normal maps.
+
+    This fault is ours: our bumps are those of the surface, Mitsuba's of the turned frame.
+    """
+    found = False
+    for outer in list(root.iter("bsdf")):
+        if outer.get("type") != "normalmap":
+            continue
+        for bump in outer.findall("bsdf[@type='bumpmap']"):
+            outer[list(outer).index(bump)] = bump.findall("bsdf")[0]
+            found = True
+    return found
+
+
 def _point_to_the_sun(root: Element) -> bool:
     """Give the sun a direction instead of place and time, which round in the sines."""
     found = False
@@ -68,6 +83,7 @@ KNOWN_FAULTS = (
         _show_emitters_to_instances,
         ("MitsubaCrashed",),
     ),
+    KnownFault("ours: a bump map inside of a normal map", _take_bumps_off_normal_maps),
     KnownFault(
         "a sun by place and time, to 2e-5",
         _point_to_the_sun,
