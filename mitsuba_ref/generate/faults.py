@@ -44,12 +44,21 @@ def _take_bumps_off_normal_maps(root: Element) -> bool:
 
     This fault is ours: our bumps are those of the surface, Mitsuba's of the turned frame.
     """
+    outer = [e for e in root.iter("bsdf") if e.get("type") == "normalmap"]
+    return sum(map(_take_bumps_off, outer)) > 0
+
+
+def _take_bumps_off_shapes_without_uv(root: Element) -> bool:
+    """Leave out bump maps where dp/du is 0: what the normal is there, rounding decides."""
+    without = [e for e in root.iter("shape") if e.get("type") in ("linearcurve", "sdfgrid")]
+    return sum(map(_take_bumps_off, without)) > 0
+
+
+def _take_bumps_off(outer: Element) -> bool:
     found = False
-    for outer in list(root.iter("bsdf")):
-        if outer.get("type") != "normalmap":
-            continue
-        for bump in outer.findall("bsdf[@type='bumpmap']"):
-            outer[list(outer).index(bump)] = bump.findall("bsdf")[0]
+    for parent in list(outer.iter()):
+        for bump in parent.findall("bsdf[@type='bumpmap']"):
+            parent[list(parent).index(bump)] = bump.findall("bsdf")[0]
             found = True
     return found
 
@@ -66,6 +75,23 @@ def _close_the_room(root: Element) -> bool:
     faint.append(plain("float", "radiance", 1e-4))
     root.append(faint)
     return True
+
+
+def _leave_out_strands(root: Element) -> bool:
+    """Leave out B-spline curves.
+
+    This fault is ours: inside of a bend that is tighter than the curve is thick, hits are
+    lost.
+    """
+    found = False
+    for parent in list(root.iter()):
+        for shape in parent.findall("shape[@type='bsplinecurve']"):
+            if parent.get("type") == "shapegroup" and len(parent.findall("shape")) == 1:
+                shape.set("type", "linearcurve")
+            else:
+                parent.remove(shape)
+            found = True
+    return found
 
 
 def _point_to_the_sun(root: Element) -> bool:
@@ -100,6 +126,12 @@ KNOWN_FAULTS = (
         ("MitsubaCrashed",),
     ),
     KnownFault("ours: a bump map inside of a normal map", _take_bumps_off_normal_maps),
+    KnownFault(
+        "ours: a B-spline curve that is thicker than its bend is round",
+        _leave_out_strands,
+        ("hits", "light blocked", "face"),
+    ),
+    KnownFault("bumps on a shape without u and v", _take_bumps_off_shapes_without_uv),
     KnownFault("light behind holes is dropped, which no trace shows", _close_the_room),
     KnownFault(
         "a sun by place and time, to 2e-5",

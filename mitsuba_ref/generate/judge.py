@@ -24,6 +24,7 @@ from renderer.advice.coincident_surfaces import coincident_surfaces
 from renderer.errors import NotReplayable, SceneError
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import build_scene
+from renderer.scene_file.description import Mesh
 
 AGREE = "agree"
 EDGE = "rounding at an edge"
@@ -139,6 +140,8 @@ class Judge:
             found = _class_of(result, ours, theirs)
             if found.verdict in (EDGE, AMPLIFIED) and _has_coincident_surfaces(request):
                 found = replace(found, verdict=COINCIDENT)
+            if found.quantity == "face" and _has_twin_faces(request):
+                found = replace(found, verdict=COINCIDENT)
             if found.verdict == UNKNOWN and result.pixels and not result.traced:
                 found = self._untraced(found, result, request)
         except NotReplayable as error:
@@ -204,3 +207,13 @@ def _class_of(result: ReplayResult, ours: Picture, theirs: Picture) -> Judgement
 def _has_coincident_surfaces(request: RenderRequest) -> bool:
     scene = build_scene(read_scene(request))
     return any(coincident_surfaces(scene, make_plan(scene)))
+
+
+def _has_twin_faces(request: RenderRequest) -> bool:
+    """Tell whether two faces of a mesh have the same corners: either may be hit."""
+    for shape in read_scene(request).every_shape:
+        if isinstance(shape, Mesh):
+            corners = np.sort(shape.vertices[shape.faces].reshape(-1, 3, 3), axis=1)
+            if len(np.unique(corners.reshape(-1, 9), axis=0)) < len(shape.faces):
+                return True
+    return False
