@@ -114,7 +114,7 @@ class Judge:
                 root = copy.deepcopy(scene.root)
                 if not (fault.explains(found.quantity) and fault.undo(root)):
                     continue
-                if self._judge(scene._replace(root=root)).verdict not in UNCLASSED:
+                if self.judge(scene._replace(root=root)).verdict not in UNCLASSED:
                     return replace(found, verdict=FAULT, quantity=fault.name)
         return found
 

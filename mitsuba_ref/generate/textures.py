@@ -91,7 +91,7 @@ def box_in_world(drawing: Drawing, name: str) -> list[Element]:
     return [transform]
 
 
-BITMAP: Properties = {
+BITMAP: dict[str, Value] = {
     "filename!": image,
     "raw": flag,
     "format": choice("auto", "variant", "fp16"),
