@@ -69,7 +69,27 @@ def draw_scene(name: str, coverage: Coverage) -> DrawnScene:
         root.append(element)
     if grammar.MEDIA and method == "volpath":
         _add_media(drawing, root)
+    _limit_depth(root)
     return DrawnScene(root, drawing.files)
+
+
+def _limit_depth(root: Element) -> None:
+    """Give paths a depth where the sampler does not jitter.
+
+    Its numbers are then the same at each bounce, as 0.5 with one sample, and a path that
+    roulette does not end once is never ended.
+    """
+    if root.find(".//sampler/boolean[@name='jitter'][@value='false']") is None:
+        return
+    for integrator in root.iter("integrator"):
+        depth = integrator.find("integer[@name='max_depth']")
+        if integrator.get("type") not in ("path", "volpath"):
+            continue
+        if depth is None:
+            depth = plain("integer", "max_depth", "-1")
+            integrator.append(depth)
+        if depth.get("value") == "-1":
+            depth.set("value", "8")
 
 
 # --------------------------------------------------------------- integrator and sensor
