@@ -11,6 +11,7 @@ down, which a contract in pyproject.toml keeps:
 - `ladder` (many pictures of each renderer), `replay` (the same random numbers on both
   sides; one path in both), `speed` (against accuracy, and Mitsuba by the clock);
 - `command`: all of this for each scene, a table and a verdict;
+- `generate`: scenes at random, judged by a replay, and the smallest that differ;
 - `mutations`, `false_alarms`, `expected_failures`: what the checks see, how often they are
   wrong, and what is known to disagree.
 """

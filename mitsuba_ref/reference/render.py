@@ -87,10 +87,11 @@ def render_reference(request: RenderRequest) -> Reference:
     if wants_aovs:
         arrays = _split_aovs(integrator, pixels)
     else:
-        listed = listed_aovs(integrator.aov_names(), pixels)
-        alone = edited.integrator == "aov" and pixels.shape[2] == len(
-            integrator.aov_names()
-        )
+        names = integrator.aov_names()
+        listed = listed_aovs(names, pixels)
+        # a film of rgba has as many channels as names where an integrator is inside
+        inside = any(name.endswith(".A") for name in names)
+        alone = edited.integrator == "aov" and not inside
         first = as_picture(next(iter(listed.values()))) if alone else pixels[..., :3]
         arrays = {"pixels": first} | listed
     changes = edited.changes

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitsuba_ref.our_renderer.traced_path import TracedPath, Vector
+from mitsuba_ref.our_renderer.traced_path import Numbers, TracedPath, Vector
 from mitsuba_ref.records.results import Parting
 from mitsuba_ref.replay.paths.path_comparison import (
     MEANINGS,
@@ -69,7 +69,7 @@ def explain_pixel(pair: TracedPair, of: DifferentPixel) -> Finding:
         apart = np.abs(np.subtract(ours.radiance, reference.radiance)).max()
         # The stream of numbers runs on, so a path that ends earlier shifts the next one's.
         ahead = paths[sample + 1 : sample + 2]
-        shifts = any(a.numbers != b.numbers for a, b in ahead)
+        shifts = any(_begin_apart(a.numbers, b.numbers) for a, b in ahead)
         if apart <= of.tolerance * of.scale and not shifts:
             continue
         found = pair.led(of.pixel, sample, reference).examine()
@@ -115,6 +115,11 @@ def _worst(a: Value, b: Value) -> tuple[Value, Value]:
     if not (isinstance(a, tuple) and isinstance(b, tuple)):
         return a, b
     return max(zip(a, b, strict=True), key=lambda pair: abs(pair[0] - pair[1]))
+
+
+def _begin_apart(a: Numbers, b: Numbers) -> bool:
+    """Tell whether two paths begin with other numbers; ours has none for the time."""
+    return any(a[name] != b[name] for name in a.keys() & b.keys())
 
 
 def _drawn(path: TracedPath) -> list[tuple[str, ...]]:

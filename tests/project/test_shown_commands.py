@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import mitsuba_ref.command.cli as validate
+import mitsuba_ref.generate.__main__ as generate
 import mitsuba_ref.mutations.__main__ as mutations
 import reports.command as reports_command
 from renderer.command.options import read_options
@@ -39,6 +40,7 @@ PLACEHOLDERS = {
 COMMANDS = ("lightproof", "make", "pip", "python")
 PARSERS = {
     "mitsuba_ref": lambda words: validate._parse(words),
+    "mitsuba_ref.generate": lambda words: generate._parser().parse_args(words),
     "mitsuba_ref.mutations": lambda words: mutations._parser().parse_args(words),
     "renderer": read_options,
     "renderer.simple": read_simple_options,

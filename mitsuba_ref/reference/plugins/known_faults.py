@@ -44,7 +44,8 @@ def give_spectra_colours(mi: Any, state: Any) -> bool:
         for name, target in _references(state, node.props):
             if target.props.plugin_name() not in OVER_WAVELENGTHS:
                 continue
-            use = Use.EMISSION if emits else Use.REFLECTANCE
+            # of a light one colour is no emission: that of the ground below a sky
+            use = Use.EMISSION if emits and name != "albedo" else Use.REFLECTANCE
             if name in ("eta", "k"):
                 use = Use.REFRACTION
             if node.type != mi.ObjectType.Scene:  # there it only stands for others

@@ -66,7 +66,9 @@ def register_merl(mi: Any) -> None:
         def sample(
             self, ctx: Any, si: Any, sample1: float, sample2: Any, active: bool = True
         ) -> tuple[Any, Any]:
-            if si.wi[2] <= 0.0:  # a blend must find no direction here, as of other BSDFs
+            if (
+                not si.wi[2] > 0.0
+            ):  # NaN too; a blend must find no direction here, as of other BSDFs
                 return dr.zeros(mi.BSDFSample3f), mi.Color3f(0.0)
             if sample1 < self.share_of_cosine:
                 wo = mi.warp.square_to_cosine_hemisphere(sample2)
@@ -97,7 +99,7 @@ def register_merl(mi: Any) -> None:
         ) -> tuple[Any, float]:
             ax, ay, az = si.wi
             bx, by, bz = wo
-            if az <= 0.0 or bz <= 0.0:
+            if not (az > 0.0 and bz > 0.0):  # NaN too, where a frame has none
                 return mi.Color3f(0.0), 0.0
             hx, hy, hz = ax + bx, ay + by, az + bz
             scale = 1 / sqrt(hx * hx + hy * hy + hz * hz)

@@ -85,10 +85,11 @@ def register_whitted(mi: Any) -> None:
             self.hides_emitters = props.get("hide_emitters", False)
 
         def first_hit(self, scene: Any, ray: Any) -> Any:
-            if not self.hides_emitters:
-                return scene.ray_intersect(ray)
-            hit = self.skip_area_emitters(scene, ray, True, True)
-            return hit.compute_surface_interaction(ray, mi.RayFlags.All, True)
+            si = scene.ray_intersect(ray)
+            # not `skip_area_emitters`: what it returns ends the process at an instance
+            while self.hides_emitters and si.is_valid() and si.shape.emitter() is not None:
+                si = scene.ray_intersect(si.spawn_ray(ray.d))
+            return si
 
         def sample(
             self,
