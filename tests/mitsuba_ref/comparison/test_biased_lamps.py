@@ -95,7 +95,7 @@ WRONG = {
     "with other lights": {"more": LIGHTS},
     "light samples alone": {"integrator": DIRECT.format("bsdf_samples")},
     "inside of aov": {"integrator": AROUND.format(PATH)},
-    "not replayable": {"integrator": PATH.replace("path", "volpath")},
+    "not replayable": {"integrator": PATH.replace("path", "volpathmis")},
 }
 
 
