@@ -200,9 +200,6 @@ INTEGRATORS: dict[str, Properties] = {
 
 # -------------------------------------------------------------------------------- media
 
-MEDIA = False
-"""Whether scenes have media, in `volpath`: to be switched on where it can be replayed."""
-
 
 def _density(low: float, high: float) -> Value:
     numbers = {**GRID, "filename!": grid(low, high)}

@@ -182,10 +182,11 @@ def _rounder_numbers(scene: DrawnScene, place: int) -> Iterator[DrawnScene]:
 def _rounder(text: str) -> Iterator[str]:
     """Yield shorter texts of numbers near one."""
     x = float(text)
-    yield from ("0", "1")
+    yield from ("0", "1", "0.1")
     if "." not in text and "e" not in text:
         yield str(int(x) // 2)
-    yield from (f"{x:.0f}", number_text(round(x, 1)), number_text(round(x, 2)))
+    # digits, not decimals: some scenes are a hundredth as large
+    yield from (f"{x:.0f}", *(number_text(float(f"{x:.{n}g}")) for n in (1, 2)))
 
 
 def _used_files(scene: DrawnScene) -> DrawnScene:

@@ -67,7 +67,7 @@ def draw_scene(name: str, coverage: Coverage) -> DrawnScene:
         root.extend(_instances(drawing, tree))
     for element in _lights(drawing, tree):
         root.append(element)
-    if grammar.MEDIA and method == "volpath":
+    if method == "volpath":
         _add_media(drawing, root)
     _limit_depth(root)
     return DrawnScene(root, drawing.files)
@@ -97,9 +97,12 @@ def _limit_depth(root: Element) -> None:
 
 def _integrator(drawing: Drawing) -> tuple[Element, str]:
     """Return an integrator, and the method that colours are computed with."""
-    possible = [n for n in grammar.INTEGRATORS if grammar.MEDIA or n != "volpath"]
     # two of three scenes are of paths: the others show less
-    name = "path" if drawing.chance(0.5) else drawing.pick("integrator", possible)
+    paths, others = ("path", "path", "volpath"), tuple(grammar.INTEGRATORS)
+    if drawing.chance(0.6):
+        name = drawing.rng.choice(paths)
+    else:
+        name = drawing.pick("integrator", others)
     element = draw_plugin(drawing, "integrator", name, grammar.INTEGRATORS[name])
     if name == "moment" or (name == "aov" and drawing.chance(0.5)):
         inside = drawing.pick("integrator", ("path", "direct"))
@@ -265,9 +268,13 @@ def _lights(drawing: Drawing, tree: bool) -> list[Element]:
 
 
 def _add_media(drawing: Drawing, root: Element) -> None:
-    """Fill closed shapes with media."""
+    """Fill closed shapes with media; most of them let light in."""
     for shape in root.findall("shape"):
-        if shape.get("type") in ("sphere", "cube") and drawing.chance(0.7):
+        if shape.get("type") in ("sphere", "cube") and drawing.chance(0.8):
+            if drawing.chance(0.7):
+                for bsdf in [*shape.findall("bsdf"), *shape.findall("ref")]:
+                    shape.remove(bsdf)
+                shape.append(Element("bsdf", type="null"))
             shape.append(_medium(drawing))
 
 

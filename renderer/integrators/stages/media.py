@@ -91,6 +91,39 @@ def keep_rays(rays, hits, i, end, throughput, mask):
 
 
 @kernel
+def append_collisions(
+    points, end, position, direction, throughput, medium, slot, eta, mask
+):
+    """Append the collisions of the masked lanes to `points`; return the new end."""
+    append3(points.position, end, position, mask)
+    append3(points.wo, end, -direction, mask)
+    append3(points.throughput, end, throughput, mask)
+    append_row(points.bsdf, 0, end, medium, mask)
+    append_row(points.slot, 0, end, slot, mask)
+    append_row(points.eta, 0, end, eta, mask)
+    return end + popcount(mask_bits(mask))
+
+
+@kernel
+def append_scattered(rays, end, points, i, direction, throughput, pdf, mask):
+    """Append the rays that leave collisions i to i + 15; return the new end.
+
+    They start at the collision itself: there is no surface to stay clear of.
+    """
+    position = load3(points.position, i)
+    append3(rays.origin, end, position, mask)
+    append3(rays.previous, end, position, mask)
+    append3(rays.direction, end, direction, mask)
+    append3(rays.throughput, end, throughput, mask)
+    append_row(rays.pdf, 0, end, pdf, mask)
+    append_row(rays.eta, 0, end, load_row(points.eta, 0, i), mask)
+    append_row(rays.lobe, 0, end, splat_i32(SMOOTH), mask)
+    append_row(rays.slot, 0, end, load_row(points.slot, 0, i), mask)
+    append_row(rays.point, 0, end, lane_index() + np.int32(i), mask)
+    return end + popcount(mask_bits(mask))
+
+
+@kernel
 def fly(scene, tile, sample, step, work, count):
     """Let `count` rays fly; return how many reach their surface, and how many collide.
 
@@ -139,15 +172,17 @@ def fly(scene, tile, sample, step, work, count):
             throughput = select3(inside, throughput * flight.weight, throughput)
             alive = fabs(largest(throughput)) > 0.0
             collided = flight.collided & alive & (depth < np.int32(last))
-            append3(
-                points.position, collisions, origin + direction * flight.distance, collided
+            collisions = append_collisions(
+                points,
+                collisions,
+                origin + direction * flight.distance,
+                direction,
+                throughput,
+                medium,
+                slot,
+                load_row(rays.eta, 0, i),
+                collided,
             )
-            append3(points.wo, collisions, -direction, collided)
-            append3(points.throughput, collisions, throughput, collided)
-            append_row(points.bsdf, 0, collisions, medium, collided)
-            append_row(points.slot, 0, collisions, slot, collided)
-            append_row(points.eta, 0, collisions, load_row(rays.eta, 0, i), collided)
-            collisions += popcount(mask_bits(collided))
             stays = stays & ~flight.collided & alive
         if hides:  # the camera does not see the environment, through media either
             stays = stays & (~missed | (depth > 0))
@@ -187,17 +222,7 @@ def scatter_collisions(scene, tile, sample, step, work, collisions, end):
             load_row(numbers, 3, i),
             mine & (pdf > 0.0),
         )
-        position = load3(points.position, i)
-        append3(rays.origin, end, position, alive)
-        append3(rays.previous, end, position, alive)
-        append3(rays.direction, end, direction, alive)
-        append3(rays.throughput, end, throughput, alive)
-        append_row(rays.pdf, 0, end, pdf, alive)
-        append_row(rays.eta, 0, end, eta, alive)
-        append_row(rays.lobe, 0, end, splat_i32(SMOOTH), alive)
-        append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
-        append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
-        end += popcount(mask_bits(alive))
+        end = append_scattered(rays, end, points, i, direction, throughput, pdf, alive)
     for i in range(collisions):
         state.depth[points.slot[i]] += 1
     return end

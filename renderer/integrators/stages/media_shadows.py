@@ -52,7 +52,7 @@ from renderer.plugins.media.free_flight import noise_of, transmittance
 from renderer.plugins.media.phase_functions import eval_phase
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-_MOST_SURFACES = 1 << 16  # that one shadow ray goes through
+MOST_SURFACES = 1 << 16  # that one shadow ray goes through
 
 
 @method_kernel
@@ -217,7 +217,7 @@ def _trace(scene, tile, sample, step, work, cast, at_surfaces):
     rays, hits = state.rays, state.hits
     walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
     count, surfaces = _start(scene, work, cast, at_surfaces), np.int64(0)
-    while count > 0 and surfaces < _MOST_SURFACES:
+    while count > 0 and surfaces < MOST_SURFACES:
         for k in range(count):
             hits.t[k] = state.rest[rays.point[k]]
             hits.prim[k] = -1

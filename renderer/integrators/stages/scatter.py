@@ -35,7 +35,7 @@ from renderer.plugins.sampling.numbers_and_warps import (
     BLOCKS_PER_BOUNCE,
 )
 
-_MOST = np.float32(0.95)  # a path never survives roulette for certain
+MOST_SURVIVAL = np.float32(0.95)  # a path never survives roulette for certain
 
 
 @kernel
@@ -53,7 +53,7 @@ def survive(settings, depth, throughput, eta, number, alive):
     """
     if depth < settings.roulette_depth:
         return alive, throughput
-    survival = minimum(largest(throughput) * eta * eta, splat_f32(_MOST))
+    survival = minimum(largest(throughput) * eta * eta, splat_f32(MOST_SURVIVAL))
     return alive & (number < survival), throughput / survival
 
 

@@ -42,7 +42,7 @@ _INFINITE = np.float32(np.inf)
 _BITS = np.float32(2.0**24)
 # Cells and tentative collisions of one flight, as at an optical depth of 10^6; a path that
 # has more ends there.
-_MOST_STEPS = 1 << 20
+MOST_STEPS = 1 << 20
 _DARK = np.float32(1e-12)  # transmittances below it are 0
 
 
@@ -240,7 +240,7 @@ def _through_grid(media, medium, origin, direction, end, noise, mask, flight):
     u, v = _two_more(noise, turn)
     depth = -log(1.0 - u)  # optical, to the next tentative collision
     cells = enter_cells(media, medium, start, direction, on)
-    while mask_bits(on) != 0 and steps < _MOST_STEPS:
+    while mask_bits(on) != 0 and steps < MOST_STEPS:
         steps += 1
         sigma = gather_row(media.cells, 0, cells.cell, on)
         inverse = 1.0 / select(sigma > 0.0, sigma, splat_f32(1.0))
@@ -291,7 +291,7 @@ def transmittance(media, medium, origin, direction, end, noise, mask):
     u, _ = _two_more(noise, turn)
     depth, surely = -log(1.0 - u), splat_f32(0.0)
     cells = enter_cells(media, medium, start, direction, on)
-    while mask_bits(on) != 0 and steps < _MOST_STEPS:
+    while mask_bits(on) != 0 and steps < MOST_STEPS:
         steps += 1
         least = gather_row(media.cells, 1, cells.cell, on)
         sigma = gather_row(media.cells, 0, cells.cell, on) - least

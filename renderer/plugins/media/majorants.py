@@ -33,6 +33,7 @@ from renderer.scene_file.media_description import GridVolume, Medium
 _DEPTH = 1.0
 _MOST = 16  # cells along an axis
 _MARGIN = 1e-3  # of a cell: what rounding may put into its neighbour
+_ROUNDING = 2.0**-22  # of a coordinate: rays, and the cells themselves, are in float32
 _RAISED = 1.0 + 2.0**-20  # of numbers that interpolation may raise by some units
 _FAR = np.float32(np.inf)
 
@@ -68,7 +69,8 @@ def cell_bounds(medium: Medium) -> tuple[NDArray[np.int64], Array]:
     inverse = np.linalg.inv(volume.to_world)
     scaled, moved = inverse[:3, :3] * cells[:, None], inverse[:3, 3] * cells
     half = 0.5 * extent / size
-    reach = np.abs(scaled) @ half * (1.0 + _MARGIN) + _MARGIN
+    rounded = half + np.abs(box).max() * _ROUNDING
+    reach = np.abs(scaled) @ rounded * (1.0 + _MARGIN) + _MARGIN
     shift = 0.0 if volume.filter_type == "nearest" else 0.5
     bounds = np.empty((2, int(np.prod(size))))
     for k, (z, y, x) in enumerate(np.ndindex(*size[::-1])):

@@ -192,7 +192,7 @@ class _SceneTables:
         hooks = variant.hooks(scene, surfaces)
         if not plan.caustics:  # a plan for a replay has them
             hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks())
-        if plan.kind.media:
+        if plan.kind.media and not variant.previous_points:  # a replay has it already
             hooks.append((keep_previous_points, Previous()))
         self.record = KernelScene(
             groups,

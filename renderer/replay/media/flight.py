@@ -11,14 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.integrators.stages.media import keep_rays
-from renderer.integrators.stages.scatter import largest
+from renderer.integrators.stages.media import append_collisions, keep_rays
+from renderer.integrators.stages.scatter import MOST_SURVIVAL, largest
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
-    as_i32,
     first_lanes,
-    lane,
-    lowest_bit,
     mask_bits,
     minimum,
     popcount,
@@ -29,29 +26,32 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.mathematics import exp
-from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_where
+from renderer.kernels.lanes.memory import gather_row, load_row, scatter_row, store_where
 from renderer.kernels.lanes.vectors import (
-    append3,
     gather3,
     load3,
     select3,
     store3,
     vec3,
 )
-from renderer.kernels.records.batch import sample_key
-from renderer.plugins.media.free_flight import albedo_at, box_of, mean, sigma_t_at
+from renderer.plugins.media.free_flight import (
+    MOST_STEPS,
+    albedo_at,
+    box_of,
+    mean,
+    sigma_t_at,
+)
 from renderer.replay.directions import fused_sum
 from renderer.replay.media.record import (
     CHANNEL,
     PASSED,
     draw_depths,
     draw_each,
-    pixel_of,
+    pixels_of,
     skip_each,
 )
 
 _INFINITE = np.float32(np.inf)
-_MOST = np.float32(0.95)  # a path never survives roulette for certain
 
 
 class _Step(NamedTuple):
@@ -135,21 +135,6 @@ def _event(media, medium, at, step, spectral, v):
 
 
 @kernel
-def _channels(replay, tile, slot, on):
-    pixel = as_i32(sample_key(tile, slot).pixel)
-    return to_i32(gather_row(replay.numbers, CHANNEL, pixel, on))
-
-
-@kernel
-def _store_depths(depths, slot, depth, mask):
-    bits = mask_bits(mask)
-    while bits != 0:
-        j = lowest_bit(bits)
-        bits &= bits - 1
-        depths[lane(slot, j)] = lane(depth, j)
-
-
-@kernel
 def fly_in_order(order, tile, sample, work, count):
     """Do as `stages.media.fly`: return how many rays reach their surface, and collide."""
     scene, replay, state = order.scene, order.replay, work.media
@@ -162,18 +147,21 @@ def fly_in_order(order, tile, sample, work, count):
         slot = load_row(rays.slot, 0, i)
         medium = gather_row(state.medium, 0, slot, on)
         depth = gather_row(state.depth, 0, slot, on)
-        channel = _channels(replay, tile, slot, on)
+        pixel = pixels_of(tile, slot)
+        channel = to_i32(gather_row(replay.numbers, CHANNEL, pixel, on))
         throughput, eta = load3(rays.throughput, i), load_row(rays.eta, 0, i)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
         # media go on behind the camera's far plane
         surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
         reaches, collided = splat_mask(False), splat_mask(False)
-        while mask_bits(on) != 0:
+        steps = 0
+        while mask_bits(on) != 0 and steps < MOST_STEPS:
+            steps += 1
             # Russian roulette, at every flight
             on = on & _any_of(throughput)
             u = draw_each(replay, tile, sample, rays.slot, i, on, numbers)
-            survival = minimum(largest(throughput) * (eta * eta), splat_f32(_MOST))
+            survival = minimum(largest(throughput) * (eta * eta), splat_f32(MOST_SURVIVAL))
             plays = on & (depth > np.int32(settings.roulette_depth))
             on = on & (~plays | (u < survival))
             plays = plays & on
@@ -212,14 +200,18 @@ def fly_in_order(order, tile, sample, work, count):
             collided = collided | scatters
             origin = select3(scatters, at, origin)
             on = null
-        _store_depths(state.depth, slot, depth, collided)
-        append3(points.position, collisions, origin, collided)
-        append3(points.wo, collisions, -direction, collided)
-        append3(points.throughput, collisions, throughput, collided)
-        append_row(points.bsdf, 0, collisions, medium, collided)
-        append_row(points.slot, 0, collisions, slot, collided)
-        append_row(points.eta, 0, collisions, eta, collided)
-        collisions += popcount(mask_bits(collided))
+        scatter_row(state.depth, 0, slot, depth, collided)
+        collisions = append_collisions(
+            points,
+            collisions,
+            origin,
+            direction,
+            throughput,
+            medium,
+            slot,
+            eta,
+            collided,
+        )
         if hides:  # the camera does not see the environment, through media either
             reaches = reaches & (~missed | (depth > 0))
         keep_rays(rays, hits, i, kept, throughput, reaches)
@@ -240,14 +232,17 @@ def attenuate_in_order(order, tile, sample, work, count):
         slot, ray = load_row(rays.slot, 0, i), load_row(rays.point, 0, i)
         medium = gather_row(state.inside, 0, ray, there)
         rest = gather_row(state.rest, 0, ray, there)
-        channel = _channels(replay, tile, slot, there)
+        pixel = pixels_of(tile, slot)
+        channel = to_i32(gather_row(replay.numbers, CHANNEL, pixel, there))
         throughput = load3(rays.throughput, i)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
         surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
         arrives = there & missed
         on = there & (medium >= 0)
-        while mask_bits(on) != 0:
+        steps = 0
+        while mask_bits(on) != 0 and steps < MOST_STEPS:
+            steps += 1
             over = on & ~(rest > 0.0)
             arrives = arrives | over
             on = on & ~over
@@ -258,7 +253,7 @@ def attenuate_in_order(order, tile, sample, work, count):
             spectral = on & (gather_row(order.spectral, 0, medium, on) != 0)
             passed = _transmittance_over_pdf(step, end, channel, crossed)
             throughput = select3(spectral, throughput * passed, throughput)
-            valid = step.valid
+            on = valid = step.valid
             if mask_bits(valid) == 0:
                 break
             t = select(valid, step.t, splat_f32(0.0))
@@ -271,17 +266,8 @@ def attenuate_in_order(order, tile, sample, work, count):
             on = valid & _any_of(throughput)
             arrives = arrives & ~(valid & ~on)
         store3(rays.throughput, i, throughput)
-        _note_passed(replay, tile, slot, throughput, arrives)
-        store_where(hits.prim, 0, i, splat_i32(-1), arrives | ~_any_of(throughput))
-
-
-@kernel
-def _note_passed(replay, tile, slot, throughput, mask):
-    bits = mask_bits(mask)
-    while bits != 0:
-        j = lowest_bit(bits)
-        bits &= bits - 1
-        pixel = pixel_of(tile, lane(slot, j))
-        replay.numbers[PASSED, pixel] = lane(throughput.x, j)
-        replay.numbers[PASSED + 1, pixel] = lane(throughput.y, j)
-        replay.numbers[PASSED + 2, pixel] = lane(throughput.z, j)
+        scatter_row(replay.numbers, PASSED, pixel, throughput.x, arrives)
+        scatter_row(replay.numbers, PASSED + 1, pixel, throughput.y, arrives)
+        scatter_row(replay.numbers, PASSED + 2, pixel, throughput.z, arrives)
+        ended = arrives | ~_any_of(throughput) | on  # on: after too many steps
+        store_where(hits.prim, 0, i, splat_i32(-1), ended)

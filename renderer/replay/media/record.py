@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import lane, lowest_bit, mask_bits
+from renderer.kernels.lanes.functions import as_i32, lane, lowest_bit, mask_bits
 from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import column3, vec3
-from renderer.kernels.records.batch import slot_pixel
+from renderer.kernels.records.batch import sample_key, slot_pixel
 from renderer.replay.arithmetic import fused_affine, fused_multiply_add
 from renderer.replay.sequences import (
     BSDF,
@@ -44,6 +44,8 @@ PASSED = 11  # RGB: what a shadow ray lets through; its red is `TO_DO` before it
 ROWS_IN_MEDIA = 14
 TO_DO = np.float32(-1.0)
 
+_UP = np.array([[0, 0, 1]])
+
 
 class InOrder(NamedTuple):
     """A scene whose paths are traced in Mitsuba's order; columns by medium id."""
@@ -61,19 +63,15 @@ class InOrder(NamedTuple):
 
 def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrder:
     """Return the record that `trace_in_order` works on."""
-    media = media_of(description)
-    delta = np.zeros(len(description.every_shape) + len(description.emitters) + 1, np.int32)
-    lights = zip(light_order(description).of_emitters, description.emitters, strict=True)
-    for light, emitter in lights:
+    media, order = media_of(description), light_order(description)
+    count = len(description.shapes) + len(description.emitters) + 1
+    delta, rectangles = np.zeros(count, np.int32), np.zeros((15, count), np.float32)
+    for light, emitter in zip(order.of_emitters, description.emitters, strict=True):
         delta[light] = isinstance(emitter, PointLight | SpotLight | DirectionalLight)
-    rectangles = np.zeros((15, len(delta)), np.float32)
-    shapes = zip(light_order(description).of_shapes, description.shapes, strict=True)
-    for light, shape in shapes:
+    for light, shape in zip(order.of_shapes, description.shapes, strict=True):
         if light >= 0 and isinstance(shape, Rectangle):
             rectangles[:12, light] = shape.to_world[:3].ravel()
-            up = np.array([[0, 0, 1]])
-            normal = place_normals(shape.to_world, up)[0]
-            rectangles[12:, light] = normal
+            rectangles[12:, light] = place_normals(shape.to_world, _UP)[0]
     majorants = [np.float32(m.scale) * np.float32(m.sigma_t.maximum) for m in media]
     return InOrder(
         scene,
@@ -98,10 +96,11 @@ def sees_own_plane(order, light, position, u, v):
         return False  # no rectangle
     x = fused_multiply_add(u, np.float32(2.0), np.float32(-1.0))
     y = fused_multiply_add(v, np.float32(2.0), np.float32(-1.0))
+    place = vec3(x, y, np.float32(0.0))
     p = vec3(
-        fused_affine(column3(m, 0, light), m[3, light], vec3(x, y, np.float32(0.0))),
-        fused_affine(column3(m, 4, light), m[7, light], vec3(x, y, np.float32(0.0))),
-        fused_affine(column3(m, 8, light), m[11, light], vec3(x, y, np.float32(0.0))),
+        fused_affine(column3(m, 0, light), m[3, light], place),
+        fused_affine(column3(m, 4, light), m[7, light], place),
+        fused_affine(column3(m, 8, light), m[11, light], place),
     )
     d = p - position
     d = d * (np.float32(1.0) / np.sqrt((d.x * d.x + d.z * d.z) + d.y * d.y))
@@ -113,6 +112,12 @@ def pixel_of(tile, slot):
     """Return the number of a slot's pixel in the full film."""
     x, y = slot_pixel(slot, 0)
     return (y + tile.y) * tile.film_width + x + tile.x
+
+
+@kernel
+def pixels_of(tile, slot):
+    """Return the same of 16 slots."""
+    return as_i32(sample_key(tile, slot).pixel)
 
 
 @kernel

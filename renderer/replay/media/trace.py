@@ -22,12 +22,14 @@ from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
+    append_scattered,
     begin_in_medium,
     hide_lamps,
     leave_surfaces,
     medium_behind,
 )
 from renderer.integrators.stages.media_shadows import (
+    MOST_SURFACES,
     cast_from_collisions,
     keep_surfaces,
     pass_surfaces,
@@ -36,21 +38,16 @@ from renderer.integrators.stages.media_shadows import (
 from renderer.integrators.stages.scatter import scatter
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.functions import (
-    as_i32,
     fabs,
     first_lanes,
-    lane_index,
     mask_bits,
     popcount,
     select,
     splat_f32,
-    splat_i32,
 )
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row
 from renderer.kernels.lanes.vectors import append3, column, dot, load3, vec3
-from renderer.kernels.records.batch import sample_key
 from renderer.kernels.records.media import VACUUM
-from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.media.phase_functions import eval_phase
 from renderer.replay.media.flight import attenuate_in_order, fly_in_order
 from renderer.replay.media.phases import sample_phase_in_order
@@ -62,6 +59,7 @@ from renderer.replay.media.record import (
     draw_light,
     nothing_passes,
     pixel_of,
+    pixels_of,
     sees_own_plane,
 )
 from renderer.replay.sequences import BSDF, BSDF_CHOICE
@@ -136,7 +134,7 @@ def _wanted(order, tile, samples, slot, i, valid):
     some = fabs(radiance.x) + fabs(radiance.y) + fabs(radiance.z) > 0.0
     some = some | (load_row(samples.pdf, 0, i) > 0.0)
     some = some | (gather_row(order.delta, 0, light, valid) != 0)
-    pixel = as_i32(sample_key(tile, slot).pixel)
+    pixel = pixels_of(tile, slot)
     return valid & some & (gather_row(order.replay.numbers, PASSED, pixel, valid) == TO_DO)
 
 
@@ -195,7 +193,9 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         state.inside[kept], state.rest[kept] = medium, state.rest[k]
         kept += 1
     walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
-    while kept > 0:
+    surfaces = 0
+    while kept > 0 and surfaces < MOST_SURFACES:
+        surfaces += 1
         for k in range(kept):
             hits.t[k] = state.rest[rays.point[k]]
             hits.prim[k] = -1
@@ -210,7 +210,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
 
 @kernel
 def _add_light(order, tile, work, cast):
-    """Add what `cast` shadow rays carry and lets through."""
+    """Add what `cast` shadow rays carry, as far as it passes."""
     shadow, numbers, radiance = work.shadow_rays, order.replay.numbers, work.radiance
     for k in range(cast):
         slot = shadow.slot[k]
@@ -255,23 +255,14 @@ def _scatter_collisions(order, tile, sample, work, count, end):
     for i in range(0, count, 16):
         mine = first_lanes(count - i)
         slot, medium = load_row(points.slot, 0, i), load_row(points.bsdf, 0, i)
-        pixel, wo = as_i32(sample_key(tile, slot).pixel), load3(points.wo, i)
+        pixel, wo = pixels_of(tile, slot), load3(points.wo, i)
         x = gather_row(replay.numbers, BSDF, pixel, mine)
         y = gather_row(replay.numbers, BSDF + 1, pixel, mine)
         choice = gather_row(replay.numbers, BSDF_CHOICE, pixel, mine)
         direction = sample_phase_in_order(media, medium, wo, x, y, choice, mine)
         pdf = eval_phase(media, medium, -dot(wo, direction), mine)
         lit = gather_row(order.lit, 0, medium, mine) != 0
-        alive, position = mine & (pdf > 0.0), load3(points.position, i)
-        append3(rays.origin, end, position, alive)
-        append3(rays.previous, end, position, alive)
-        append3(rays.direction, end, direction, alive)
-        append3(rays.throughput, end, load3(points.throughput, i), alive)
-        # 0: lights were not sampled there
-        append_row(rays.pdf, 0, end, select(lit, pdf, splat_f32(0.0)), alive)
-        append_row(rays.eta, 0, end, load_row(points.eta, 0, i), alive)
-        append_row(rays.lobe, 0, end, splat_i32(SMOOTH), alive)
-        append_row(rays.slot, 0, end, slot, alive)
-        append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
-        end += popcount(mask_bits(alive))
+        alive, throughput = mine & (pdf > 0.0), load3(points.throughput, i)
+        pdf = select(lit, pdf, splat_f32(0.0))  # 0: lights were not sampled there
+        end = append_scattered(rays, end, points, i, direction, throughput, pdf, alive)
     return end

@@ -6,7 +6,6 @@ from collections import Counter
 
 import pytest
 
-from mitsuba_ref.generate import grammar
 from mitsuba_ref.generate.__main__ import seed_of
 from mitsuba_ref.generate.coverage import Coverage, has, plugins_of
 from mitsuba_ref.generate.drawing import scene_text
@@ -45,7 +44,7 @@ def test_a_scene_far_along_is_that_of_its_block():
 
 
 def test_every_supported_plugin_is_drawn_within_a_block():
-    """But our own shape, and media as long as `MEDIA` is off."""
+    """But our own shape."""
     scenes, drawn = Scenes(1), set()
     for number in range(BLOCK):
         drawn |= set(plugins_of(scenes.draw(number).root))
@@ -53,9 +52,6 @@ def test_every_supported_plugin_is_drawn_within_a_block():
         f"{tag} {plugin}" for tag in supported_tags() for plugin in supported_plugins(tag)
     }
     wanted -= {"scene scene", "shape implicit"}
-    if not grammar.MEDIA:
-        wanted = {w for w in wanted if w.partition(" ")[0] not in ("medium", "phase")}
-        wanted.remove("integrator volpath")
     assert wanted <= drawn, wanted - drawn
 
 

@@ -54,3 +54,22 @@ def numbers_at(grid, places):
             cell = np.where(cell >= counts, 2 * counts - 1 - cell, cell)
         total += weight[:, None] * grid.values[cell[:, 2], cell[:, 1], cell[:, 0]]
     return total
+
+
+def test_the_bounds_hold_where_coordinates_are_large():
+    """At 10^5 a float32 has steps of 0.008, and cells are 0.0125 wide.
+
+    A ray may be in the next cell already: all places within a step are bounded.
+    """
+    place = np.eye(4)
+    place[:3, :3] *= 0.2
+    place[:3, 3] = 1e5
+    values = np.zeros((2, 2, 40, 1), np.float32)
+    values[:, :, 21:] = 1.0  # from x = 0.105 on
+    grid = GridVolume(values, place, "nearest")
+    medium = Medium("heterogeneous", grid, ConstantVolume((1.0,) * 3), 100.0)
+    size, bounds = cell_bounds(medium)
+    edges = np.linspace(0.0, 0.2, size[0] + 1)
+    dense = edges[1:] + 2.0**-7 > 0.105
+    assert (bounds[0].reshape(size[::-1])[0, 0] > 0.0)[dense].all()
+    assert not (bounds[0] > 0.0).all()

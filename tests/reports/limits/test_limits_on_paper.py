@@ -54,7 +54,7 @@ SHARE = 15 / 16 / 9 + 1 / 32  # of the samples of a lamp next to a hidden one of
         # a Poisson number of collisions, each of which leaves 1 - share
         (partial(spread_behind_smoke, 2.0), np.expm1(2.0) ** 0.5, 0.05),
         (partial(spread_behind_smoke, 4.0, share=0.5), np.expm1(2.0) ** 0.5, 0.05),
-        # paths without a real collision, and the square of 1.5 for each that is none
+        # paths without a real collision; each null collision multiplies red by 1.5
         (partial(spread_through_colors, 4.0), np.expm1(0.55 * 4.0) ** 0.5, 0.1),
         # the density of what comes through is the mean of three transmittances
         (
