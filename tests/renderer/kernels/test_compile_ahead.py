@@ -158,7 +158,7 @@ def test_later_renders_compile_nothing(tmp_path: Path, monkeypatch) -> None:
     names = ("integrators", "independent", "constant", "dielectric", "brute")
     subprocess.run([sys.executable, tmp_path / "compile.py", *names], check=True)
     kernels = needed_by("test_compile_ahead.render_unlike_scenes()")
-    assert {"trace_paths", "scatter_kind", "trace_brute_force"} <= {
+    assert {"trace_paths", "scatter_kind", "closest_hit"} <= {
         kernel.name for kernel in kernels
     }
     assert [kernel for kernel in kernels if not kernel.found] == []
