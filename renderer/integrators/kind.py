@@ -45,6 +45,8 @@ class Decision:
     max_depth: int = 1
     roulette_depth: int | None = None  # None: no Russian roulette
     no_roulette: str = ""  # the reason
+    dim_depth: int | None = None  # where it begins for dim paths; None: with all paths
+    survival_scale: float = 1.0  # times a path's throughput: how likely it survives
     mirrors: bool = False  # go on from mirrors and glass
     every_light: bool = False  # sample all lights at each point instead of one
     follow: bool = False  # go on from diffuse surfaces

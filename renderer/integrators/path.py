@@ -23,6 +23,11 @@ from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 
+# A path of less throughput may end at any bounce: what it would find seldom shows, and
+# costs as much as any other. Rooms take 2/3 of the time for the same error, see
+# docs/performance.md.
+DIM = 0.25
+
 
 @kernel
 def begin_bounce(scene, tile, sample, work, count):
@@ -121,10 +126,15 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 def whole_paths(method: str, case: Case, *, mirrors: bool, random: bool) -> Decision:
     """Return how paths of any length are traced."""
     depth, rr_depth = case.depth, case.requested.rr_depth
+    plays = rr_depth < depth
+    # where light is lost with paths that end, its mean depends on which of them end
+    early = plays and case.reduce and not case.transparent
     return Decision(
         method,
         depth,
-        roulette_depth=rr_depth if rr_depth < depth else None,
+        roulette_depth=rr_depth if plays else None,
+        dim_depth=1 if early else None,
+        survival_scale=1.0 / DIM if early else 1.0,
         no_roulette=f"max_depth {depth} comes before rr_depth {rr_depth}",
         mirrors=mirrors,
         follow=case.smooth,

@@ -49,11 +49,14 @@ def survive(settings, depth, throughput, eta, number, alive):
     """Play Russian roulette; return which paths survive, and their raised throughput.
 
     The survival probability undoes the eta^2 that radiance loses on entering glass, as
-    it will be gained again on leaving.
+    it will be gained again on leaving. Before `roulette_depth` dim paths alone may end.
     """
-    if depth < settings.roulette_depth:
+    if depth < settings.dim_depth:
         return alive, throughput
-    survival = minimum(largest(throughput) * eta * eta, splat_f32(MOST_SURVIVAL))
+    survival, most = largest(throughput) * eta * eta, MOST_SURVIVAL
+    if depth < settings.roulette_depth:
+        survival, most = fabs(survival), np.float32(1.0)
+    survival = minimum(survival * settings.survival_scale, splat_f32(most))
     return alive & (number < survival), throughput / survival
 
 

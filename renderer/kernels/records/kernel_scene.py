@@ -119,6 +119,8 @@ class Settings(NamedTuple):
 
     max_depth: int  # path segments; a large number for "no limit"
     roulette_depth: int  # where Russian roulette begins; a large number for "never"
+    dim_depth: int  # where it begins for dim paths
+    survival_scale: float  # by which a path's throughput gives how likely it survives
     weigh: int  # multiple importance sampling
     every_light: int  # all lights at each point, instead of one chosen at random
     hide_emitters: int  # the camera looks through them

@@ -250,7 +250,11 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
 def explain_roulette(plan: Plan, why: Explanation) -> None:
     """Say from which segment on Russian roulette is played, or why it is not."""
     if plan.roulette_depth is not None:
-        why.say("roulette", f"Russian, from segment {plan.roulette_depth} on")
+        text = f"Russian, from segment {plan.roulette_depth} on"
+        if plan.dim_depth is not None:
+            least = f"1/{plan.survival_scale:.0f}"
+            text += f"; of paths that carry less than {least} from segment {plan.dim_depth}"
+        why.say("roulette", text)
     else:
         why.say("left out", f"Russian roulette: {plan.no_roulette}")
 

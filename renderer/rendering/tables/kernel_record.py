@@ -231,9 +231,12 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
     kind = plan.kind
     textured = scene.materials.textured or has_textured_lamps(scene.description)
     with_uv = (textured or kind.first_hit) and not kind.counts_work
+    roulette_depth = plan.roulette_depth or NO_LIMIT  # at least 1
     return Settings(
         plan.max_depth,
-        NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,
+        roulette_depth,
+        plan.dim_depth or roulette_depth,
+        plan.survival_scale,
         int(plan.weigh),
         int(plan.every_light),
         int(plan.hide_emitters),

@@ -76,6 +76,20 @@ def test_roulette_only_where_a_path_gets_that_far(max_depth, rr_depth, roulette)
         assert f"Russian, from segment {roulette} on" in text
 
 
+def test_dim_paths_may_end_before_roulette_begins():
+    """But not where paths are compared with others, or light is lost with them."""
+    loaded = renderer.load_dict(scene(CAMERA, "path", floor(), LAMP))
+    plan = make_plan(loaded)
+    assert (plan.roulette_depth, plan.dim_depth, plan.survival_scale) == (5, 1, 4.0)
+    assert "; of paths that carry less than 1/4 from segment 1" in explained(plan)
+    for options in ({"integrator": "path"}, {"sampler": "mitsuba"}):
+        whole = make_plan(loaded, **options)
+        assert (whole.dim_depth, whole.survival_scale) == (None, 1.0)
+    hole = rectangle((0, 0, 2), (0.3, 0, 0), (0, 0.3, 0), {"type": "null"})
+    assert plan_of("path", floor(), LAMP, hole).dim_depth is None
+    assert plan_of("path", floor(), LAMP, max_depth=5).dim_depth is None
+
+
 @pytest.mark.parametrize("max_depth", [2, 4])
 def test_importance_sampling_of_two_kinds_needs_lights_that_can_be_hit(max_depth):
     """No ray meets a point: BSDF samples find no point lights, so nothing is weighed."""
