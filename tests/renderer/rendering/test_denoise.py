@@ -111,7 +111,7 @@ def test_an_interrupted_picture_is_not_denoised(cornell, grey):
     """Ctrl-C wants the picture now."""
 
     def stop(now):
-        if now.done:
+        if now.stage == "render" and now.done:
             raise KeyboardInterrupt
 
     image = renderer.render(cornell, 1 << 20, denoise=True, progress=stop)
