@@ -105,20 +105,25 @@ def _shadowing(parameters, n, wi):
 
 
 @kernel
-def sample(turned, wo, numbers):
-    """Sample what is inside in its own frame."""
+def sample_turned(turned, wo, numbers):
+    """Sample what is inside in its own frame; return where the direction is possible, too.
+
+    Elsewhere the sample is black, but has the density of what is inside.
+    """
     frame, there = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
     possible = there & (wi.z * chosen.wi.z > 0.0)
     weight = chosen.weight * _shadowing(turned, frame.n, wi)
-    return BsdfSample(
-        wi,
-        select3(possible, weight, black()),
-        select(possible, chosen.pdf, 0.0),
-        chosen.eta,
-        chosen.lobe,
-    )
+    weight = select3(possible, weight, black())
+    return BsdfSample(wi, weight, chosen.pdf, chosen.eta, chosen.lobe), possible
+
+
+@kernel
+def sample(turned, wo, numbers):
+    """Sample what is inside in its own frame."""
+    s, possible = sample_turned(turned, wo, numbers)
+    return BsdfSample(s.wi, s.weight, select(possible, s.pdf, 0.0), s.eta, s.lobe)
 
 
 @kernel
