@@ -24,7 +24,8 @@ _SCENE = """<scene version="3.0.0">
 </scene>"""
 _BALL = """<shape type="sphere"><bsdf type="null"/>
 <medium type="homogeneous" name="interior">
-    <rgb name="sigma_t" value="{sigma_t}"/><float name="albedo" value="{albedo}"/>
+    <rgb name="sigma_t" value="{sigma_t}"/><float name="scale" value="{scale}"/>
+    <float name="albedo" value="{albedo}"/>
     <boolean name="has_spectral_extinction" value="{spectral}"/></medium></shape>"""
 _FLOOR = """<shape type="rectangle">
     <transform name="to_world"><scale value="0.1"/></transform>
@@ -55,8 +56,8 @@ def _seen(
 
 def white_mist_with_roulette(rr_depth: int = 2) -> float:
     """Return the radiance of a ball that absorbs nothing, under a sky of 1: 1 on paper."""
-    ball = _BALL.format(sigma_t="0.8, 0.8, 0.8", albedo=1.0, spectral="true")
-    return _seen(ball, z=5.0, depth=1000, roulette=rr_depth, spp=1024)[0]
+    ball = _BALL.format(sigma_t="1, 1, 1", scale=4.0, albedo=1.0, spectral="true")
+    return _seen(ball, z=5.0, depth=1000, roulette=rr_depth, spp=256)[0]
 
 
 def floor_behind_a_tinted_pane(passes: float = 0.3) -> float:
@@ -79,5 +80,6 @@ def blue_through_coloured_mist(*, spectral: bool = False) -> float:
 
     Over exp(-sigma_t 2) of blue.
     """
-    ball = _BALL.format(sigma_t="0.9, 0.5, 0.1", albedo=0.0, spectral=str(spectral).lower())
+    kept = str(spectral).lower()
+    ball = _BALL.format(sigma_t="0.9, 0.5, 0.1", scale=1.0, albedo=0.0, spectral=kept)
     return _seen(ball, z=5.0, depth=2, spp=256)[2] / exp(-0.2)
