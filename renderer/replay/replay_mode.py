@@ -28,7 +28,7 @@ from renderer.replay.media.carried import OfThroughput
 from renderer.replay.media.record import ROWS_IN_MEDIA, in_order
 from renderer.replay.media.spectral_mis import ROWS_OF_MIS, OfBothWays
 from renderer.replay.media.trace import trace_in_order
-from renderer.replay.media.weighed_stages import INSTEAD
+from renderer.replay.media.weighed_stages import INSTEAD, INSTEAD_OF_ONE
 from renderer.replay.new_rays import Leaving, round_rays
 from renderer.replay.pixel_seeds import BLOCK_SIZE, pixel_seeds
 from renderer.replay.sequences import (
@@ -163,7 +163,7 @@ class Replayed:
 
     def instead(self, plan: Planned) -> Mapping[Any, Any]:
         """Return methods of `volpathmis`, whose weights need more than its rays have."""
-        return INSTEAD if plan.mis_densities else {}
+        return {0: {}, 1: INSTEAD_OF_ONE, 3: INSTEAD}[plan.mis_densities]
 
     def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""

@@ -101,7 +101,7 @@ def _weighed(carried, weights, p, f, mask):
 
 
 @kernel
-def _unless_void(color, one):
+def unless_void(color, one):
     """Return a colour; with a single density black, where one component is."""
     all_of_them = (color.x != 0.0) & (color.y != 0.0) & (color.z != 0.0)
     return select3(~one | all_of_them, color, grey(splat_f32(0.0)))
@@ -123,13 +123,13 @@ def balanced(mine, other, ratio, one):
     x = inverse_of(inverse_of(mine.x) + ratio * inverse_of(other.x))
     y = inverse_of(inverse_of(mine.y) + ratio * inverse_of(other.y))
     z = inverse_of(inverse_of(mine.z) + ratio * inverse_of(other.z))
-    return _unless_void(vec3(x, y, z), one)
+    return unless_void(vec3(x, y, z), one)
 
 
 @worth.by(BothWays)
 @kernel
 def _worth(carried):
-    return _unless_void(carried.found.throughput, carried.one)
+    return unless_void(carried.found.throughput, carried.one)
 
 
 @own_throughput.by(BothWays)

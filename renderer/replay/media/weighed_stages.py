@@ -52,6 +52,7 @@ from renderer.replay.media.spectral_mis import (
     OfBothWays,
     balanced,
     inverse_of,
+    unless_void,
 )
 
 
@@ -99,11 +100,8 @@ def _append_light(points, samples, i, value, pdf, probability, mask, shadow_rays
     return cast + popcount(mask_bits(lit))
 
 
-@method_kernel
-def reflect_alone(
-    bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
-):
-    """Append what one kind of BSDF reflects of light samples; return the new count."""
+@kernel
+def _reflect(bsdf, probability, points, samples, start, stop, shadow_rays, cast, one):
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -114,10 +112,31 @@ def reflect_alone(
             to_local(frame, load3(points.wo, i)),
             to_local(frame, load3(samples.wi, i)),
         )
+        f_cos = unless_void(f_cos, splat_mask(one))
         cast = _append_light(
             points, samples, i, f_cos, pdf, probability, mine, shadow_rays, cast
         )
     return cast
+
+
+@method_kernel
+def reflect_alone(
+    bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
+):
+    """Append what one kind of BSDF reflects of light samples; return the new count."""
+    return _reflect(
+        bsdf, probability, points, samples, start, stop, shadow_rays, cast, False
+    )
+
+
+@method_kernel
+def reflect_all_or_none(
+    bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
+):
+    """Do the same with a single density: nothing, where a colour is not reflected."""
+    return _reflect(
+        bsdf, probability, points, samples, start, stop, shadow_rays, cast, True
+    )
 
 
 @cast_collisions.by(OfBothWays)
@@ -232,3 +251,6 @@ INSTEAD = {
     add_environment: note_environment,
 }
 """Methods of the integrators' stages, and what stands in for them."""
+
+INSTEAD_OF_ONE = INSTEAD | {reflect_light: reflect_all_or_none}
+"""The same where use_spectral_mis is false."""
