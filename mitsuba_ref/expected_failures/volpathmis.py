@@ -30,7 +30,10 @@ _BALL = """<shape type="sphere"><bsdf type="null"/>
 _FLOOR = """<shape type="rectangle">
     <transform name="to_world"><scale value="0.1"/></transform>
     <bsdf type="diffuse"><rgb name="reflectance" value="{reflectance}"/></bsdf></shape>
-<shape type="sphere"><bsdf type="thindielectric">
+"""
+_LAMP = """<shape type="sphere"><bsdf type="null"/>
+    <boolean name="flip_normals" value="true"/>{emitter}</shape>"""
+_PANES = """<shape type="sphere"><bsdf type="thindielectric">
     <float name="int_ior" value="1.5"/><float name="ext_ior" value="1.5"/>
     <rgb name="specular_transmittance" value="{passes}"/></bsdf></shape>"""
 
@@ -65,13 +68,25 @@ def floor_behind_a_tinted_pane(passes: float = 0.3) -> float:
 
     The ball is a pane of the index of what is around, which mirrors nothing.
     """
-    shapes = _FLOOR.format(reflectance="1, 1, 1", passes=f"{passes}, {passes}, {passes}")
+    panes = _PANES.format(passes=f"{passes}, {passes}, {passes}")
+    shapes = _FLOOR.format(reflectance="1, 1, 1") + panes
     return _seen(shapes, z=0.5, depth=2, spp=256)[0] / passes
 
 
+def floor_in_a_clear_lamp(*, shines: bool = True) -> float:
+    """Return the radiance of a white floor in a ball that light passes: 1 on paper.
+
+    The ball shines by 0.001 of the sky, which is taken off.
+    """
+    lamp = '<emitter type="area"><rgb name="radiance" value="0.001"/></emitter>'
+    ball = _LAMP.format(emitter=lamp * shines)
+    shapes = _FLOOR.format(reflectance="1, 1, 1") + ball
+    return _seen(shapes, z=0.5, depth=2, spp=256)[0] - 0.001 * shines
+
+
 def red_floor_by_one_density(*, green: float = 0.0) -> float:
-    """Return the red of a floor of no blue without use_spectral_mis: 1 on paper."""
-    shapes = _FLOOR.format(reflectance=f"1, {green}, {green}", passes="1, 1, 1")
+    """Return the red of a floor without use_spectral_mis: 1 on paper."""
+    shapes = _FLOOR.format(reflectance=f"1, {green}, {green}")
     return _seen(shapes, z=0.5, depth=2, spectral=False)[0]
 
 

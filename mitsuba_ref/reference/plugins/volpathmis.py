@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from renderer.plugins.bsdfs.registry import nested_names
+from renderer.scene.materials import kind_of, sides
 from renderer.scene.media_tables import media_of
 from renderer.scene_file.description import Integrator, SceneDescription, ThinDielectric
 from renderer.scene_file.media_description import GridVolume
@@ -34,6 +35,15 @@ def _has_tinted_panes(description: SceneDescription, integrator: Integrator) -> 
     shown = [b for shape in description.every_shape for b in _with_nested(shape.bsdf)]
     panes = [b.specular_transmittance for b in shown if isinstance(b, ThinDielectric)]
     return any(np.shape(pane) != (3,) or np.min(pane) < 1.0 for pane in panes)
+
+
+def _has_clear_lamps(description: SceneDescription, integrator: Integrator) -> bool:
+    return any(
+        side is not None and kind_of(side).straight
+        for shape in description.shapes
+        if shape.radiance is not None
+        for side in sides(shape.bsdf)
+    )
 
 
 def _with_nested(bsdf: Any) -> Iterator[Any]:
@@ -59,6 +69,7 @@ def _takes_one_density(description: SceneDescription, integrator: Integrator) ->
 FAULTS = (
     WrongWeights("Russian roulette counts for one of two ways to a light", _plays_roulette),
     WrongWeights("tinted panes count for one of two ways to a light", _has_tinted_panes),
+    WrongWeights("lamps that light passes weigh what is behind them", _has_clear_lamps),
     WrongWeights(
         "without has_spectral_extinction colours share one extinction", _leaves_colours_out
     ),

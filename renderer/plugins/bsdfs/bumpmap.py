@@ -108,10 +108,7 @@ def _turned_frame(bumped, wo):
 
 @kernel
 def _sample(bumped, wo, numbers):
-    """Sample what is inside in its own frame; as in Mitsuba black samples keep a density.
-
-    No picture shows it, but a replay of `volpathmis` draws once more after such a sample.
-    """
+    """Sample what is inside in its own frame; here black samples keep their density."""
     s, _ = sample_turned(bumped, wo, numbers)
     return s
 

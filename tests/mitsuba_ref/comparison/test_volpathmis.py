@@ -25,7 +25,8 @@ SCENE = """<scene version="3.0.0">
     <rfilter type="box"/></film></sensor>
 <emitter type="constant"><rgb name="radiance" value="0.8, 0.9, 1"/></emitter>
 <shape type="sphere"><bsdf type="null"/><medium type="homogeneous" name="interior">
-  <rgb name="sigma_t" value="{sigma_t}"/><float name="scale" value="{scale}"/><float name="albedo" value="{albedo}"/>
+  <rgb name="sigma_t" value="{sigma_t}"/><float name="scale" value="{scale}"/>
+  <float name="albedo" value="{albedo}"/>
   <boolean name="has_spectral_extinction" value="{spectral}"/></medium></shape>
 {shapes}
 </scene>"""
@@ -41,15 +42,18 @@ USUAL = {
     "spectral": "true",
     "shapes": "",
 }
-PANE = """<shape type="rectangle"><transform name="to_world"><scale value="4"/>
-  <translate z="{z}"/></transform><bsdf type="{bsdf}"/></shape>"""
-TINTED = """<shape type="rectangle"><bsdf type="diffuse"/></shape>
+FLOOR = '<shape type="rectangle"><bsdf type="diffuse"/></shape>'
+CLEAR = """<shape type="sphere"><float name="radius" value="2"/><bsdf type="null"/>
+<boolean name="flip_normals" value="true"/>
+<emitter type="area"><rgb name="radiance" value="0.1"/></emitter></shape>"""
+TINTED = """
 <shape type="sphere"><float name="radius" value="2"/><bsdf type="thindielectric">
 <rgb name="specular_transmittance" value="0.3"/></bsdf></shape>"""
 ONE_DENSITY = '<boolean name="use_spectral_mis" value="false"/>'
 WRONG = {
     "Russian roulette": {"roulette": 1, "spp": 1024, "scale": 5.0, "albedo": 0.8},
-    "tinted panes": {"shapes": TINTED},
+    "tinted panes": {"shapes": FLOOR + TINTED},
+    "lamps that light passes": {"shapes": FLOOR + CLEAR},
     "without has_spectral_extinction": {"sigma_t": "0.9, 0.5, 0.1", "spectral": "false"},
     "without use_spectral_mis": {
         "more": ONE_DENSITY,

@@ -25,6 +25,7 @@ from mitsuba_ref.expected_failures.rounding import far_spheres_wrong, small_tria
 from mitsuba_ref.expected_failures.volpathmis import (
     blue_through_coloured_mist,
     floor_behind_a_tinted_pane,
+    floor_in_a_clear_lamp,
     red_floor_by_one_density,
     white_mist_with_roulette,
 )
@@ -58,6 +59,9 @@ RIGHT = {
     "roulette of Mitsuba's volpathmis": functools.partial(white_mist_with_roulette, 1000),
     "tinted panes of Mitsuba's volpathmis": functools.partial(
         floor_behind_a_tinted_pane, 1.0
+    ),
+    "clear lamps of Mitsuba's volpathmis": functools.partial(
+        floor_in_a_clear_lamp, shines=False
     ),
     "single density of Mitsuba's volpathmis": functools.partial(
         red_floor_by_one_density, green=0.5
