@@ -168,8 +168,8 @@ def read_integrator(
     integrator: Integrator = kinds[plugin].read(properties)
     mis_densities = 0
     if plugin != element.plugin:
-        mis_densities = 3 if properties.boolean("use_spectral_mis", True) else 1
         properties.element = element  # as messages shall name it
+        mis_densities = 3 if properties.boolean("use_spectral_mis", True) else 1
     # how Mitsuba divides its work: of interest for a replay of its numbers alone
     block_size = properties.integer("block_size", 0, at_least=0)
     one_pass = not properties.has("samples_per_pass")
