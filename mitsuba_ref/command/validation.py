@@ -31,6 +31,7 @@ from mitsuba_ref.records.verdicts import COMPARED
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
 from mitsuba_ref.reference.plugins.known_faults import TURNED, has_biased_lamps, wrong_by
+from mitsuba_ref.reference.plugins.volpathmis import faults_of
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.replay.replay_scene import replay_all
 from mitsuba_ref.speed.speed_against_accuracy import measure_ladder
@@ -161,6 +162,9 @@ def _validate(
     found, pictures, aovs, deterministic = compared(request)
     if found.verdict == "fail" and has_biased_lamps(read_scene(request)):
         request = replace(request, unsampled_lamps=True)
+        found, pictures, aovs, deterministic = compared(request)
+    if found.verdict == "fail" and (faults := faults_of(read_scene(request))):
+        request = replace(request, volpath_since=faults)
         found, pictures, aovs, deterministic = compared(request)
     boxed = BOX_INSTEAD in pictures[0].changes
     if boxed and not deterministic and found.verdict in COMPARED:

@@ -34,6 +34,7 @@ class RenderRequest:
     independent: bool = False  # the sampler `independent` instead of the file's
     # Mitsuba's side: lamps of meshes are found by BSDF samples alone
     unsampled_lamps: bool = False
+    volpath_since: str = ""  # why `volpath` stands in place of `volpathmis` there, if so
     plugins: str | None = None  # a Python file of the user's (`plugin_file`)
     allow_outside: tuple[str, ...] = ()  # folders besides the scene's (`scene_file.files`)
     replay: bool = False  # both sides draw the same random numbers

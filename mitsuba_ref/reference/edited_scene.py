@@ -16,9 +16,11 @@ from mitsuba_ref.reference.plugins.known_faults import (
     PIXELS_INSTEAD,
     RGB_INSTEAD,
     UNSAMPLED,
+    VOLPATH,
     divide_lights_without_extent,
     give_spectra_colours,
     leave_lamps_to_bsdfs,
+    take_volpath,
 )
 from mitsuba_ref.reference.user_plugins import register_user_plugins, twins_explained
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
@@ -55,6 +57,7 @@ def load_edited_scene(
     independent_samples: bool = False,
     colors_alone: bool = False,
     unsampled_lamps: bool = False,
+    volpath_since: str = "",
     plugins: str | None = None,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
@@ -80,6 +83,8 @@ def load_edited_scene(
         Replace `aov` and `moment` by the integrator whose colours they show.
     unsampled_lamps
         Leave lamps of meshes to the directions that BSDFs choose.
+    volpath_since
+        Take `volpath` in place of `volpathmis`, for this reason; empty: do not.
     plugins
         A Python file that registers plugins of the user's (`user_plugins`).
     """
@@ -125,6 +130,9 @@ def load_edited_scene(
             leave_lamps_to_bsdfs(mi, state)
             nodes.add_dark_light()  # of a single light Mitsuba samples all the same
             changes.append(UNSAMPLED)
+        if volpath_since:
+            take_volpath(mi, state)
+            changes.append(f"{VOLPATH}{volpath_since}")
         if fixed_blocks:
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")

@@ -69,6 +69,7 @@ def render_reference(request: RenderRequest) -> Reference:
             independent_samples=request.independent,
             # a replay has Mitsuba's densities on both sides
             unsampled_lamps=request.unsampled_lamps and not (request.replay or wants_aovs),
+            volpath_since=request.volpath_since * (not (request.replay or wants_aovs)),
             plugins=request.plugins,
         )
         scene = edited.scene

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,8 +24,11 @@ from renderer.replay.environment import rounded_environment
 from renderer.replay.exact_hits import face_normals, triangle_tangents
 from renderer.replay.hit_points import hooks_of_hits
 from renderer.replay.light_rounding import rounded_shares, rounded_spots, triangle_shares
+from renderer.replay.media.carried import OfThroughput
 from renderer.replay.media.record import ROWS_IN_MEDIA, in_order
+from renderer.replay.media.spectral_mis import ROWS_OF_MIS, OfBothWays
 from renderer.replay.media.trace import trace_in_order
+from renderer.replay.media.weighed_stages import INSTEAD, INSTEAD_OF_ONE
 from renderer.replay.new_rays import Leaving, round_rays
 from renderer.replay.pixel_seeds import BLOCK_SIZE, pixel_seeds
 from renderer.replay.sequences import (
@@ -78,11 +81,6 @@ def check_replay(requested: Integrator, method: str, extended: bool) -> None:
             "sampler 'mitsuba': the file divides the work in its own way (block_size, "
             f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
         )
-    if requested.written:
-        raise NotReplayable(
-            f"sampler 'mitsuba': {requested.written} draws in the order of "
-            f"{requested.name} here; possible is {requested.name}"
-        )
     if method == "whitted" and extended:
         raise NotReplayable(
             "sampler 'mitsuba': a tree of rays that samples lights with an area draws in "
@@ -123,6 +121,8 @@ class Planned(Protocol):
     def kind(self) -> IntegratorKind: ...  # noqa: D102
     @property
     def trace(self) -> Any: ...  # noqa: D102
+    @property
+    def mis_densities(self) -> int: ...  # noqa: D102
 
 
 class Replayed:
@@ -153,10 +153,17 @@ class Replayed:
     def traced(
         self, scene: Scene, plan: Planned, record: Any, sampler: Any
     ) -> tuple[Any, Packed]:
-        """Return the integrator's own loop, or that of `volpath` in Mitsuba's order."""
+        """Return the integrator's own loop, or that of media in Mitsuba's order."""
         if not plan.kind.media:
             return plan.trace, pack(record)
-        return trace_in_order, pack(in_order(record, sampler, scene.description))
+        numbers, mis = sampler.numbers, plan.mis_densities
+        carry = OfBothWays(numbers, int(mis == 1)) if mis else OfThroughput(numbers)
+        order = in_order(record, sampler, scene.description, bool(mis), carry)
+        return trace_in_order, pack(order)
+
+    def instead(self, plan: Planned) -> Mapping[Any, Any]:
+        """Return methods of `volpathmis`, whose weights need more than its rays have."""
+        return {0: {}, 1: INSTEAD_OF_ONE, 3: INSTEAD}[plan.mis_densities]
 
     def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
@@ -165,18 +172,21 @@ class Replayed:
         film, beyond = camera.film, 2 * camera.film.border
         width, height = film.crop_width + beyond, film.crop_height + beyond
         seeds = np.zeros((film.height + beyond, film.width + beyond), np.uint32)
-        rows = slice(film.crop_offset_y, film.crop_offset_y + height)
-        columns = slice(film.crop_offset_x, film.crop_offset_x + width)
-        seeds[rows, columns] = pixel_seeds(width, height, seed)
+        down = slice(film.crop_offset_y, film.crop_offset_y + height)
+        across = slice(film.crop_offset_x, film.crop_offset_x + width)
+        seeds[down, across] = pixel_seeds(width, height, seed)
         shown = [sides(shape.bsdf) for shape in scene.description.every_shape]
         smooth = [
             any(side is not None and kind_of(side).smooth for side in both)
             for both in shown
         ]
         samples, media = max(plan.light_samples, plan.bsdf_samples), plan.kind.media
+        rows = rows_of(samples)
+        if media:
+            rows = ROWS_OF_MIS if plan.mis_densities else ROWS_IN_MEDIA
         record = Replay(
             make_sequence(seeds.ravel(), plan.sampler),
-            np.zeros((ROWS_IN_MEDIA if media else rows_of(samples), seeds.size), "f4"),
+            np.zeros((rows, seeds.size), "f4"),
             np.array(smooth or [False], np.int32),
             plan.light_samples,
             plan.bsdf_samples,

@@ -588,7 +588,8 @@ class Integrator:
     nested: Integrator | None = None  # aov: the integrator whose colours come first
     moments: Moments | None = None  # `moment` stands around it
     refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
-    written: str = ""  # the file's name of it, where that is another
+    # volpathmis, which is volpath but in a replay: densities that weigh a path, 3 or 1
+    mis_densities: int = 0
 
 
 @dataclass(frozen=True, eq=False)

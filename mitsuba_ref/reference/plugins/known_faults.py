@@ -25,6 +25,8 @@ WRONG = "lights without extent divided by "
 """What a change begins with that undoes a fault; `wrong_by` makes a sentence of it."""
 UNSAMPLED = "lamps of meshes found by directions that BSDFs choose, and by no others"
 """Another such change."""
+VOLPATH = "volpath and spectral extinction in place of volpathmis: "
+"""What a third one begins with; the reason follows (`volpathmis.faults_of`)."""
 TURNED_AWAY = 1e-3
 """Distance of the unit normals of a triangle and its vertices from which on a lamp counts
 as one with vertex normals. Mitsuba's density of directions to it is off by about as much,
@@ -149,6 +151,17 @@ def leave_lamps_to_bsdfs(mi: Any, state: Any) -> None:
                 target.props["sampling_weight"] = 0.0
 
 
+def take_volpath(mi: Any, state: Any) -> None:
+    """Undo faults of `volpathmis`: the mean of `volpath` is right in their place."""
+    for node in state.nodes:
+        if node.props.plugin_name() == "volpathmis":
+            node.props.set_plugin_name("volpath")
+            if "use_spectral_mis" in node.props:
+                del node.props["use_spectral_mis"]
+        if node.type == mi.ObjectType.Medium:
+            node.props["has_spectral_extinction"] = True
+
+
 def turn_normals_of_bump_maps(mi: Any, scene: Any, normals: NDArray[np.float32]) -> bool:
     """Undo that a `bumpmap` gives its shading normal in the frame of the surface.
 
@@ -193,6 +206,11 @@ def wrong_by(changes: tuple[str, ...]) -> str:
             "in the light of lamps with vertex normals: Mitsuba samples them with "
             "the cosine of these normals instead of the triangles' own; with such lamps "
             "found by BSDF samples alone on its side"
+        )
+    why = next((c.removeprefix(VOLPATH) for c in changes if c.startswith(VOLPATH)), "")
+    if why:
+        wrong.append(
+            f"in the weights of volpathmis: {why}; with volpath in its place on its side"
         )
     if not wrong:
         return ""

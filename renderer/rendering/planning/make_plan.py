@@ -62,6 +62,8 @@ def _is_transparent(scene: Scene, requested: Integrator) -> bool:
 
 def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
     requested = scene.description.integrator
+    if name not in (None, "auto"):
+        requested = dataclasses.replace(requested, mis_densities=0)
     if name in (None, "auto", requested.name):
         if requested.refusal:
             raise SceneError(requested.refusal)
@@ -212,6 +214,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         ray_offset=offset,
         mitsuba_version=version,
         replay=replay,
+        mis_densities=requested.mis_densities if replay else 0,
         moments=requested.moments,
         strategy=strategy,
         caustics=restriction.caustics,

@@ -145,6 +145,8 @@ class Plan(Decision):
     mitsuba_version: str = NEWEST.version  # whose rules count where Mitsuba's do
     light_choice: str = "importance"  # of one of several lights; or "uniform"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
+    # of a replay of `volpathmis`: densities that weigh a path, of 3 colours or 1; else 0
+    mis_densities: int = 0
     moments: Moments | None = None  # second moments, in addition to the picture
     strategy: str = "both"  # or "lights", "bsdfs": the one way to find light
     caustics: bool = True  # paths may be, if the scene has what it takes

@@ -139,7 +139,7 @@ class _SceneTables:
     def __init__(
         self, scene: Scene, plan: Plan, accel: str, variant: Variant, by_pair: bool
     ) -> None:
-        self.methods = tables = MethodTables()
+        self.methods = tables = MethodTables(variant.instead(plan))
         tables.prepare(check_kernels_of_users, scene.materials.kinds, variant.arithmetic)
         tables.prepare(check_values_of_users, scene.materials)
         settings = _settings(scene, plan, variant)

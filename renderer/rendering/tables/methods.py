@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -51,9 +51,16 @@ def method_of(
 
 
 class MethodTables:
-    """Makes tables of methods, and keeps alive what their addresses point to."""
+    """Makes tables of methods, and keeps alive what their addresses point to.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    instead
+        Kernel -> what stands in for it, of the same parameters.
+    """
+
+    def __init__(self, instead: Mapping[Any, Any] | None = None) -> None:
+        self._instead = instead or {}
         self.kept: list[Packed] = []
         self.compile_seconds = 0.0  # or to load the methods from the cache
 
@@ -85,6 +92,7 @@ class MethodTables:
                 if spec is None or record is None:
                     continue
                 kernel, arguments, returns = spec
+                kernel = self._instead.get(kernel, kernel)
                 method = method_of(kernel, record, arguments, returns)
                 table[k, column], table[k, 0] = method.address, method.record
         self.compile_seconds += time.perf_counter() - started

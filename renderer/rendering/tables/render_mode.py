@@ -6,7 +6,7 @@ implementation (`renderer.replay`), which only `mode_for` imports.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -55,6 +55,9 @@ class Variant(Protocol):
         `record` and `sampler` are the kernels' own of the scene and of the numbers.
         """
 
+    def instead(self, plan: Plan) -> Mapping[Any, Any]:
+        """Return the methods of stages that others stand in for: kernel -> the other."""
+
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return the source of random numbers."""
 
@@ -94,6 +97,10 @@ class RenderMode:
     ) -> tuple[Any, Packed]:
         """Return the integrator's own loop."""
         return plan.trace, pack(record)
+
+    def instead(self, plan: Plan) -> Mapping[Any, Any]:
+        """Return none."""
+        return {}
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Hash pixel, sample and dimension."""

@@ -1,8 +1,8 @@
-"""Free flight and shadow rays in media, collision by collision as in Mitsuba's `volpath`.
+"""Free flight and shadow rays in media, collision by collision as in Mitsuba.
 
-A path plays Russian roulette before each flight and each null collision. A shadow ray is
-attenuated by ratio tracking [Novak2014] in every medium, homogeneous ones included: there
-it arrives whole or not at all.
+A path plays Russian roulette before each flight and, but for `volpathmis`, after each null
+collision. A shadow ray is attenuated by ratio tracking [Novak2014] in every medium,
+homogeneous ones included: there it arrives whole or not at all.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
     splat_mask,
-    to_i32,
 )
 from renderer.kernels.lanes.mathematics import exp
 from renderer.kernels.lanes.memory import gather_row, load_row, scatter_row, store_where
@@ -42,9 +41,25 @@ from renderer.plugins.media.free_flight import (
     sigma_t_at,
 )
 from renderer.replay.directions import fused_sum
+from renderer.replay.media.carried import (
+    Collision,
+    after_collision,
+    after_flight,
+    after_ratio,
+    any_of,
+    channel_of,
+    goes_on,
+    grey,
+    keep_path,
+    keep_shadow_ray,
+    load_path,
+    load_shadow_ray,
+    of_channel,
+    own_throughput,
+    raised,
+    worth,
+)
 from renderer.replay.media.record import (
-    CHANNEL,
-    PASSED,
     draw_depths,
     draw_each,
     pixels_of,
@@ -65,18 +80,13 @@ class _Step(NamedTuple):
 
 
 @kernel
-def _of_channel(color, channel):
-    return select(channel == 0, color.x, select(channel == 1, color.y, color.z))
-
-
-@kernel
 def _collide(order, medium, channel, origin, direction, end, surface, depth, inside):
     """Choose the tentative collision at an optical depth, before `end` and the surface."""
     media = order.scene.media
     varies = inside & (gather_row(media.majorant, 0, medium, inside) > 0.0)
-    grey = gather_row(order.majorant, 0, medium, varies)
     majorant = gather3(media.sigma_t, medium, inside)
-    majorant = select3(varies, vec3(grey, grey, grey), majorant)
+    of_grid = grey(gather_row(order.majorant, 0, medium, varies))
+    majorant = select3(varies, of_grid, majorant)
     near, far = splat_f32(0.0), end
     open_ = inside
     if mask_bits(varies) != 0:
@@ -84,7 +94,7 @@ def _collide(order, medium, channel, origin, direction, end, surface, depth, ins
         near = select(varies & (first <= last), first, near)
         far = select(varies, last, far)
         open_ = inside & (~varies | (first <= last))
-    sigma = _of_channel(majorant, channel)
+    sigma = of_channel(majorant, channel)
     t = near + select(sigma > 0.0, depth / sigma, splat_f32(_INFINITE))
     valid = open_ & (t <= far) & (t < _INFINITE) & ~(surface < t)
     t = select(valid, t, splat_f32(_INFINITE))
@@ -92,81 +102,65 @@ def _collide(order, medium, channel, origin, direction, end, surface, depth, ins
 
 
 @kernel
-def _transmittance_over_pdf(step, end, channel, crossed):
-    """Return T over the density of the channel's flight up to `end`, RGB; 0 for 0 / 0.
+def _flown(step, end, crossed):
+    """Return T up to `end` and the density of a flight there, RGB by the channel.
 
     `crossed`: the flight has ended at a surface, and its density is a probability.
     """
     way = end - step.near
     far = ~(way < _INFINITE)
-    way = select(far, splat_f32(0.0), way)
-    majorant = step.majorant
+    way, majorant = select(far, splat_f32(0.0), way), step.majorant
     t = vec3(exp(-way * majorant.x), exp(-way * majorant.y), exp(-way * majorant.z))
-    density = select3(crossed, t, t * majorant)
-    pdf = _of_channel(density, channel)
-    usable = (pdf > 0.0) & ~far
-    return t * select(usable, 1.0 / select(usable, pdf, splat_f32(1.0)), splat_f32(0.0))
+    t = select3(far, grey(splat_f32(0.0)), t)
+    return t, select3(crossed, t, t * majorant)
 
 
 @kernel
-def _any_of(color):
-    return (color.x != 0.0) | (color.y != 0.0) | (color.z != 0.0)
-
-
-@kernel
-def _rcp(x, mask):
-    return 1.0 / select(mask, x, splat_f32(1.0))
-
-
-@kernel
-def _event(media, medium, at, step, spectral, v):
-    """Return which collisions are null, and the weights of what happens, RGB."""
+def _collision(media, medium, at, step, spectral, v):
+    """Return what valid tentative collisions meet; null are those of a share above v."""
     valid, majorant = step.valid, step.majorant
     sigma_t = sigma_t_at(media, medium, at, valid)
     sigma_n = select3(step.varies, majorant - sigma_t, sigma_t * 0.0)
-    sigma_s = sigma_t * albedo_at(media, medium, at, valid)
-    share_of_null = mean(sigma_n / majorant)
-    null = valid & (v < share_of_null)
-    share = select(null, share_of_null, mean(sigma_t / majorant))
-    one = splat_f32(1.0)
-    of_null = select3(spectral, sigma_n * _rcp(share, valid), vec3(one, one, one))
-    of_real = select3(spectral, sigma_s * _rcp(share, valid), sigma_s / sigma_t)
-    return null, select3(null, of_null, of_real)
+    share = mean(sigma_n / majorant)
+    null = valid & (v < share)
+    sigma_s = sigma_t * albedo_at(media, medium, at, valid & ~null)
+    return Collision(null, share, majorant, sigma_n, sigma_s, sigma_t, spectral)
 
 
 @kernel
 def fly_in_order(order, tile, sample, work, count):
     """Do as `stages.media.fly`: return how many rays reach their surface, and collide."""
-    scene, replay, state = order.scene, order.replay, work.media
+    scene, replay, state, carry = order.scene, order.replay, work.media, order.carry
     rays, hits, points, numbers = work.rays, work.hits, state.collisions, work.numbers
-    settings, media = scene.settings, scene.media
+    settings, media, mis = scene.settings, scene.media, splat_mask(order.mis != 0)
     hides = settings.hide_emitters != 0
     kept, collisions = np.int64(0), np.int64(0)
     for i in range(0, count, 16):
-        on = first_lanes(count - i)
+        there = on = first_lanes(count - i)
         slot = load_row(rays.slot, 0, i)
         medium = gather_row(state.medium, 0, slot, on)
         depth = gather_row(state.depth, 0, slot, on)
         pixel = pixels_of(tile, slot)
-        channel = to_i32(gather_row(replay.numbers, CHANNEL, pixel, on))
-        throughput, eta = load3(rays.throughput, i), load_row(rays.eta, 0, i)
+        channel = channel_of(replay.numbers, pixel, on)
+        carried = load_path(carry, pixel, load3(rays.throughput, i), on)
+        eta = load_row(rays.eta, 0, i)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
         # media go on behind the camera's far plane
         surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
-        reaches, collided = splat_mask(False), splat_mask(False)
+        reaches = collided = after_null = splat_mask(False)
         steps = 0
         while mask_bits(on) != 0 and steps < MOST_STEPS:
             steps += 1
             # Russian roulette, at every flight
-            on = on & _any_of(throughput)
+            on = on & (mis | any_of(worth(carried)))
             u = draw_each(replay, tile, sample, rays.slot, i, on, numbers)
-            survival = minimum(largest(throughput) * (eta * eta), splat_f32(MOST_SURVIVAL))
-            plays = on & (depth > np.int32(settings.roulette_depth))
+            survival = largest(worth(carried)) * (eta * eta)
+            survival = minimum(survival, splat_f32(MOST_SURVIVAL))
+            plays = on & (depth > np.int32(settings.roulette_depth)) & ~(mis & after_null)
             on = on & (~plays | (u < survival))
-            plays = plays & on
-            throughput = select3(plays, throughput * _rcp(survival, plays), throughput)
-            on = on & (depth < np.int32(settings.max_depth))
+            carried = raised(carried, survival, plays & on)
+            on = on & (depth < np.int32(settings.max_depth)) & any_of(worth(carried))
             inside = on & (medium >= 0)
             reaches = reaches | (on & ~inside)
             if mask_bits(inside) == 0:
@@ -178,21 +172,21 @@ def fly_in_order(order, tile, sample, work, count):
                 order, medium, channel, origin, direction, end, surface, u, inside
             )
             spectral = inside & (gather_row(order.spectral, 0, medium, inside) != 0)
-            passed = _transmittance_over_pdf(
-                step, minimum(step.t, surface), channel, surface < step.t
-            )
-            throughput = select3(spectral, throughput * passed, throughput)
+            t, density = _flown(step, minimum(step.t, surface), surface < step.t)
+            carried = after_flight(carried, t, density, spectral)
             escaped, valid = inside & ~step.valid, step.valid
             reaches = reaches | escaped
-            skip_each(replay, tile, rays.slot, i, escaped)
+            if order.mis == 0:
+                skip_each(replay, tile, rays.slot, i, escaped)
             v = draw_each(replay, tile, sample, rays.slot, i, valid, numbers)
             if mask_bits(valid) == 0:
                 break
 
             at = fused_sum(direction, select(valid, step.t, splat_f32(0.0)), origin)
-            null, factor = _event(media, medium, at, step, spectral, v)
+            collision = _collision(media, medium, at, step, spectral, v)
+            null = after_null = collision.null
             real = valid & ~null
-            throughput = select3(valid, throughput * factor, throughput)
+            carried = after_collision(carried, collision, valid)
             origin = select3(null, at, origin)
             surface = select(null, surface - step.t, surface)
             depth = select(real, depth + 1, depth)
@@ -201,6 +195,8 @@ def fly_in_order(order, tile, sample, work, count):
             origin = select3(scatters, at, origin)
             on = null
         scatter_row(state.depth, 0, slot, depth, collided)
+        keep_path(carry, carried, pixel, there)
+        throughput = own_throughput(carried)
         collisions = append_collisions(
             points,
             collisions,
@@ -225,7 +221,7 @@ def attenuate_in_order(order, tile, sample, work, count):
 
     Rays that end on the way, or arrive, have hit nothing afterwards.
     """
-    scene, replay, state = order.scene, order.replay, work.media
+    scene, replay, state, carry = order.scene, order.replay, work.media, order.carry
     media, rays, hits, numbers = scene.media, state.rays, state.hits, work.numbers
     for i in range(0, count, 16):
         there = first_lanes(count - i)
@@ -233,8 +229,8 @@ def attenuate_in_order(order, tile, sample, work, count):
         medium = gather_row(state.inside, 0, ray, there)
         rest = gather_row(state.rest, 0, ray, there)
         pixel = pixels_of(tile, slot)
-        channel = to_i32(gather_row(replay.numbers, CHANNEL, pixel, there))
-        throughput = load3(rays.throughput, i)
+        channel = channel_of(replay.numbers, pixel, there)
+        carried = load_shadow_ray(carry, pixel, load3(rays.throughput, i), there)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
         surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
@@ -251,23 +247,21 @@ def attenuate_in_order(order, tile, sample, work, count):
             end = minimum(rest, minimum(step.t, surface))
             crossed = (surface < step.t) | (step.t > rest)
             spectral = on & (gather_row(order.spectral, 0, medium, on) != 0)
-            passed = _transmittance_over_pdf(step, end, channel, crossed)
-            throughput = select3(spectral, throughput * passed, throughput)
+            t, density = _flown(step, end, crossed)
+            carried = after_flight(carried, t, density, spectral)
             on = valid = step.valid
             if mask_bits(valid) == 0:
                 break
-            t = select(valid, step.t, splat_f32(0.0))
-            at = fused_sum(direction, t, origin)
-            sigma_t = sigma_t_at(media, medium, at, valid)
-            left = select3(step.varies, step.majorant - sigma_t, sigma_t * 0.0)
-            ratio = select3(spectral, left, left / step.majorant)
-            throughput = select3(valid, throughput * ratio, throughput)
-            origin, rest, surface = at, rest - t, surface - t
-            on = valid & _any_of(throughput)
+            far = select(valid, step.t, splat_f32(0.0))
+            at = fused_sum(direction, far, origin)
+            # all are null
+            collision = _collision(media, medium, at, step, spectral, splat_f32(-1.0))
+            carried = after_ratio(carried, collision, valid)
+            origin, rest, surface = at, rest - far, surface - far
+            on = valid & goes_on(carried)
             arrives = arrives & ~(valid & ~on)
-        store3(rays.throughput, i, throughput)
-        scatter_row(replay.numbers, PASSED, pixel, throughput.x, arrives)
-        scatter_row(replay.numbers, PASSED + 1, pixel, throughput.y, arrives)
-        scatter_row(replay.numbers, PASSED + 2, pixel, throughput.z, arrives)
-        ended = arrives | ~_any_of(throughput) | on  # on: after too many steps
+        # where none is left a shadow ray ends; `on`: after too many steps
+        ended = arrives | ~goes_on(carried) | on
+        keep_shadow_ray(carry, carried, pixel, there, arrives)
+        store3(rays.throughput, i, own_throughput(carried))
         store_where(hits.prim, 0, i, splat_i32(-1), ended)

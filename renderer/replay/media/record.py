@@ -1,4 +1,4 @@
-"""What a replay of `volpath` knows in addition, and how it draws its numbers.
+"""What a replay of `volpath` or `volpathmis` knows in addition, and how it draws.
 
 How many numbers a path takes depends on its collisions. So a number is drawn when a path
 needs it, and not at the start of a bounce.
@@ -59,9 +59,13 @@ class InOrder(NamedTuple):
     delta: NDArray[np.int32]
     # (15, lights) of a rectangle that shines: its matrix by rows, and its unit normal
     rectangles: NDArray[np.float32]
+    mis: int  # 1: in the order of `volpathmis`
+    carry: Any  # what its paths carry (`replay.media.carried`)
 
 
-def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrder:
+def in_order(
+    scene: Any, replay: Replay, description: SceneDescription, mis: bool, carry: Any
+) -> InOrder:
     """Return the record that `trace_in_order` works on."""
     media, order = media_of(description), light_order(description)
     count = len(description.shapes) + len(description.emitters) + 1
@@ -81,6 +85,8 @@ def in_order(scene: Any, replay: Replay, description: SceneDescription) -> InOrd
         np.array([*(m.sample_emitters for m in media), 1], np.int32),
         delta,
         rectangles,
+        int(mis),
+        carry,
     )
 
 

@@ -1,4 +1,4 @@
-"""The loop of Mitsuba's `volpath`, with the stages of ours and Mitsuba's numbers.
+"""The loop of Mitsuba's `volpath` and `volpathmis`: our stages, Mitsuba's numbers.
 
 Order of the numbers (Mitsuba, src/integrators/volpath.cpp): the place on the film,
 and that on the lens if there is one; the colour that chooses distances; then for each
@@ -6,6 +6,9 @@ segment one for the roulette, and in a medium one for the distance and one for w
 collision is, until it is no null collision. At a surface with a smooth part, and at a
 collision: two for a light sample, and one for each tentative collision of the shadow ray;
 two and one for the BSDF or the phase function. In a scene without media, too.
+
+`volpathmis` has the same order, with other weights (`replay.media.spectral_mis`). There a
+path of throughput 0 draws one number more, for the roulette, before it ends.
 """
 
 from __future__ import annotations
@@ -18,7 +21,6 @@ from renderer.integrators.stages.direct_light import (
     samples_lights,
     shadow_rays_to,
 )
-from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
@@ -30,7 +32,6 @@ from renderer.integrators.stages.media import (
 )
 from renderer.integrators.stages.media_shadows import (
     MOST_SURFACES,
-    cast_from_collisions,
     keep_surfaces,
     pass_surfaces,
     with_rays_and_points,
@@ -46,9 +47,19 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
 )
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row
-from renderer.kernels.lanes.vectors import append3, column, dot, load3, vec3
+from renderer.kernels.lanes.vectors import append3, column, dot, load3
 from renderer.kernels.records.media import VACUUM
+from renderer.plugins.lights.kind import add_lanes
 from renderer.plugins.media.phase_functions import eval_phase
+from renderer.replay.media.carried import (
+    add_found_light,
+    begin_path,
+    begin_shadow_ray,
+    cast_collisions,
+    note_scattered,
+    passed_to_light,
+    throughput_to_light,
+)
 from renderer.replay.media.flight import attenuate_in_order, fly_in_order
 from renderer.replay.media.phases import sample_phase_in_order
 from renderer.replay.media.record import (
@@ -72,7 +83,7 @@ _NO_LAST = np.int64(1 << 30)  # paths end before the flight, too
 @method_kernel
 def trace_in_order(order, tile, sample, work):
     """Do as `integrators.volpath.trace_paths`, with the numbers in Mitsuba's order."""
-    scene, replay = order.scene, order.replay
+    scene, replay, carry = order.scene, order.replay, order.carry
     rays, hits = work.rays, work.hits
     count = camera_hits(scene, tile, sample, work)
     begin_in_medium(scene.media, work, count)
@@ -82,9 +93,10 @@ def trace_in_order(order, tile, sample, work):
         intersect(scene.groups, rays, hits, zero, count, False, None)
     for k in range(count):
         draw_channel(replay, tile, sample, rays.slot[k])
+        begin_path(carry, pixel_of(tile, rays.slot[k]))
     while count > 0:
         count, collisions = fly_in_order(order, tile, sample, work, count)
-        add_emitted_light(scene, work, zero, count, True)
+        add_found_light(carry, scene, tile, work, count)
         group_by_bsdf(scene, work, zero, count)
         _draw_lights(order, tile, sample, work, count, collisions)
         _light_surfaces(order, tile, sample, work)
@@ -93,8 +105,10 @@ def trace_in_order(order, tile, sample, work):
             if hits.prim[k] >= 0:
                 draw_direction(replay, tile, sample, rays.slot[k])
         count = scatter(scene, tile, sample, _NO_ROULETTE, work)
-        count = leave_surfaces(scene, work, count, _NO_LAST)
-        count = _scatter_collisions(order, tile, sample, work, collisions, count)
+        note_scattered(carry, tile, rays, zero, count)
+        first = leave_surfaces(scene, work, count, _NO_LAST)
+        count = _scatter_collisions(order, tile, sample, work, collisions, first)
+        note_scattered(carry, tile, rays, first, count)
         reset_hits(hits, zero, count)
         intersect(scene.groups, rays, hits, zero, count, False, None)
         if scene.settings.hide_emitters != 0:
@@ -160,9 +174,10 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     if at_surfaces:
         _drop_own_planes(order, tile, work, points, count)
     before_light = np.float32(scene.settings.before_light)
-    one, end = splat_f32(1.0), np.int64(0)
+    carry, end = order.carry, np.int64(0)
     for i in range(0, count, 16):
         slot = load_row(points.slot, 0, i)
+        throughput = throughput_to_light(carry, load3(points.throughput, i))
         wanted = _wanted(order, tile, samples, slot, i, first_lanes(count - i))
         wi, distance = load3(samples.wi, i), load_row(samples.distance, 0, i)
         origin = load3(points.position, i)
@@ -170,7 +185,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
             origin, wi, distance = shadow_rays_to(points, i, wi, distance)
         append3(rays.origin, end, origin, wanted)
         append3(rays.direction, end, wi, wanted)
-        append3(rays.throughput, end, vec3(one, one, one), wanted)
+        append3(rays.throughput, end, throughput, wanted)
         append_row(rays.slot, 0, end, slot, wanted)
         append_row(state.rest, 0, end, distance * before_light, wanted)
         end += popcount(mask_bits(wanted))
@@ -181,9 +196,11 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         if replay.numbers[PASSED, pixel] != TO_DO:  # the point stands in two groups
             continue
         nothing_passes(replay, pixel)
+        begin_shadow_ray(carry, pixel)
         for c in range(3):
             rays.origin[c, kept] = rays.origin[c, k]
             rays.direction[c, kept] = rays.direction[c, k]
+            rays.throughput[c, kept] = rays.throughput[c, k]
         medium = state.medium[slot]
         if at_surfaces:
             normal, direction = column(state.normal, slot), column(rays.direction, k)
@@ -211,12 +228,12 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
 @kernel
 def _add_light(order, tile, work, cast):
     """Add what `cast` shadow rays carry, as far as it passes."""
-    shadow, numbers, radiance = work.shadow_rays, order.replay.numbers, work.radiance
-    for k in range(cast):
-        slot = shadow.slot[k]
-        pixel = pixel_of(tile, slot)
-        for c in range(3):
-            radiance[c, slot] += shadow.radiance[c, k] * numbers[PASSED + c, pixel]
+    shadow = work.shadow_rays
+    for i in range(0, cast, 16):
+        mine, slot = first_lanes(cast - i), load_row(shadow.slot, 0, i)
+        ratio, pixel = load_row(shadow.t_max, 0, i), pixels_of(tile, slot)
+        passed = passed_to_light(order.carry, pixel, ratio, mine)
+        add_lanes(work.radiance, slot, load3(shadow.radiance, i) * passed, mine)
 
 
 @kernel
@@ -239,7 +256,7 @@ def _light_collisions(order, tile, sample, work, count):
     there = with_rays_and_points(work, work.rays, work.hits, points, work.order, work.ends)
     sample_lights(scene, np.int64(0), tile, sample, np.int64(0), there, count)
     _trace_shadow_rays(order, tile, sample, work, points, count, False)
-    _add_light(order, tile, work, cast_from_collisions(scene, work, count))
+    _add_light(order, tile, work, cast_collisions(order.carry, scene, work, count))
 
 
 # ---------------------------------------------------------------------------- collisions

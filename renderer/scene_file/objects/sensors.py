@@ -166,9 +166,10 @@ def read_integrator(
         return _refused(element, why, instead, reading)
     properties = Properties(dataclasses.replace(element, plugin=plugin), reading)
     integrator: Integrator = kinds[plugin].read(properties)
+    mis_densities = 0
     if plugin != element.plugin:
-        properties.boolean("use_spectral_mis", True)  # of how it estimates the same light
         properties.element = element  # as messages shall name it
+        mis_densities = 3 if properties.boolean("use_spectral_mis", True) else 1
     # how Mitsuba divides its work: of interest for a replay of its numbers alone
     block_size = properties.integer("block_size", 0, at_least=0)
     one_pass = not properties.has("samples_per_pass")
@@ -179,9 +180,11 @@ def read_integrator(
             "timeout", f"{timeout:g} s", "none: pictures are always finished here"
         )
     properties.finish()
-    written = element.plugin if plugin != element.plugin else ""
     return dataclasses.replace(
-        integrator, written=written, block_size=block_size, one_pass=one_pass
+        integrator,
+        mis_densities=mis_densities,
+        block_size=block_size,
+        one_pass=one_pass,
     )
 
 

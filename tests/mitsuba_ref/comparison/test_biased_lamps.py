@@ -87,6 +87,7 @@ def result_of(path, references, render=render_ours):
 
 
 DIRECT = '<integrator type="direct"><integer name="{}" value="0"/></integrator>'
+OTHER_BLOCKS = '<integer name="block_size" value="16"/>'
 AROUND = '<integrator type="aov"><string name="aovs" value="d:depth"/>{}</integrator>'
 WRONG = {
     "obj": {},
@@ -95,7 +96,8 @@ WRONG = {
     "with other lights": {"more": LIGHTS},
     "light samples alone": {"integrator": DIRECT.format("bsdf_samples")},
     "inside of aov": {"integrator": AROUND.format(PATH)},
-    "not replayable": {"integrator": PATH.replace("path", "volpathmis")},
+    "volpathmis": {"integrator": PATH.replace("path", "volpathmis")},
+    "not replayable": {"integrator": PATH.replace("><", f">{OTHER_BLOCKS}<", 1)},
 }
 
 

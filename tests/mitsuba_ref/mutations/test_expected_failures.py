@@ -22,6 +22,13 @@ from mitsuba_ref.expected_failures.reference import (
     point_light_sampled_often,
 )
 from mitsuba_ref.expected_failures.rounding import far_spheres_wrong, small_triangles_lost
+from mitsuba_ref.expected_failures.volpathmis import (
+    blue_through_coloured_mist,
+    floor_behind_a_tinted_pane,
+    floor_in_a_clear_lamp,
+    red_floor_by_one_density,
+    white_mist_with_roulette,
+)
 
 BY_NAME = {entry.name: entry for entry in REGISTER}
 entries = [
@@ -49,6 +56,19 @@ RIGHT = {
         point_light_sampled_often, 1
     ),
     "Mitsuba's lamp with vertex normals": functools.partial(lamp_with_vertex_normals, 0.0),
+    "roulette of Mitsuba's volpathmis": functools.partial(white_mist_with_roulette, 1000),
+    "tinted panes of Mitsuba's volpathmis": functools.partial(
+        floor_behind_a_tinted_pane, 1.0
+    ),
+    "clear lamps of Mitsuba's volpathmis": functools.partial(
+        floor_in_a_clear_lamp, shines=False
+    ),
+    "single density of Mitsuba's volpathmis": functools.partial(
+        red_floor_by_one_density, green=0.5
+    ),
+    "Mitsuba's coloured mist without spectral extinction": functools.partial(
+        blue_through_coloured_mist, spectral=True
+    ),
     "teapot in a stadium": functools.partial(stadium_tests_per_ray, "bvh"),
 }
 

@@ -117,6 +117,23 @@ def test_paths_through_volumes_are_paths_where_there_are_none(plugin):
     assert error_of(f'<integrator type="{plugin}"><float name="x" value="1"/></integrator>')
 
 
+def test_by_default_both_are_the_same_picture():
+    """Bit for bit, by the same kernels: their weights differ in a replay alone."""
+    media = """<shape type="sphere"><bsdf type="null"/>
+<medium type="homogeneous" name="interior"><rgb name="sigma_t" value="0.9, 0.5, 0.2"/>
+</medium></shape></scene>"""
+    volpath, volpathmis = (
+        renderer.load_string(
+            text_with(f'<integrator type="{plugin}"/>').replace("</scene>", media)
+        )
+        for plugin in ("volpath", "volpathmis")
+    )
+    assert make_plan(volpath) == make_plan(volpathmis)
+    np.testing.assert_array_equal(
+        renderer.render(volpath, spp=4).pixels, renderer.render(volpathmis, spp=4).pixels
+    )
+
+
 @pytest.mark.parametrize("bsdf", ["null", "mask", "thindielectric"])
 def test_they_are_not_where_their_shadow_rays_see_through_something(bsdf):
     nested = '<bsdf type="diffuse"/>' if bsdf == "mask" else ""

@@ -77,12 +77,21 @@ def test_a_tree_of_rays_with_point_lights_is_replayed():
         ("whitted", {}, "whitted with point"),
         ("direct", {"bsdf_samples": 257}, "possible are up to 256"),
         ("direct", {"emitter_samples": 1000}, "possible are up to 256"),
-        ("volpathmis", {}, "volpathmis draws in the order of volpath here"),
     ],
 )
 def test_what_cannot_be_replayed_is_refused_with_what_can(integrator, settings, words):
     with pytest.raises(NotReplayable, match=words):
         plan_of(integrator, floor(), LAMP, **settings)
+
+
+@pytest.mark.parametrize("spectral", [True, False])
+def test_volpathmis_is_replayed_in_its_own_order(spectral):
+    """And volpath, where the options name it, in that of volpath."""
+    scene = loaded("volpathmis", floor(), LAMP, use_spectral_mis=spectral)
+    plan = make_plan(scene, sampler="mitsuba")
+    assert (plan.method, plan.mis_densities) == ("volpath", 3 if spectral else 1)
+    named = make_plan(scene, sampler="mitsuba", integrator="volpath")
+    assert (named.method, named.mis_densities) == ("volpath", 0)
 
 
 def test_the_explanation_says_whose_numbers_they_are():
