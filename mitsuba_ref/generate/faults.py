@@ -204,6 +204,22 @@ def _jitter(root: Element) -> bool:
     return found
 
 
+def _end_paths(root: Element) -> bool:
+    """Give paths a depth: roulette may never end one by the numbers of `ldsampler`."""
+    found = False
+    for integrator in root.iter("integrator"):
+        if integrator.get("type") in ("path", "volpath") and has(
+            root, "sampler", "ldsampler"
+        ):
+            depths = integrator.findall("integer[@name='max_depth']")
+            if not depths or depths[0].get("value") == "-1":
+                for depth in depths:
+                    integrator.remove(depth)
+                integrator.append(plain("integer", "max_depth", "30"))
+                found = True
+    return found
+
+
 def _show_no_normals_of_bumps(root: Element) -> bool:
     """Take bump maps off where the picture is an AOV: its normals are not in the world."""
     shown = root.find("integrator[@type='aov']/string[@name='aovs']")
@@ -224,6 +240,18 @@ def _point_to_the_sun(root: Element) -> bool:
                     sky.remove(child)
             sky.append(Element("vector", name="sun_direction", value="0.5, 0.3, 0.8"))
             found = True
+    return found
+
+
+def _even_the_sun(root: Element) -> bool:
+    """Let the sun be as bright at its rim as in its middle.
+
+    180 roundings of a cosine lie between the two, and the radiance falls off steeply.
+    """
+    found = False
+    for flag in root.findall("emitter[@type='sunsky']/boolean[@name='complex_sun']"):
+        found = found or flag.get("value") == "true"
+        flag.set("value", "false")
     return found
 
 
@@ -259,6 +287,7 @@ KNOWN_FAULTS = (
     KnownFault("a sphere that shines lights itself from inside", _coat_lamps),
     KnownFault("a texel that ends at the joint of a curve", _move_textures_of_curves),
     KnownFault("a picture on a turned sphere is sampled elsewhere", _turn_lamps_back),
+    KnownFault("numbers of ldsampler never end a path", _end_paths, ("MitsubaTimeout",)),
     KnownFault("sh_normal of a bump map", _show_no_normals_of_bumps, ("picture",)),
     KnownFault("a point on a curve lies beside its ray", _leave_out_curves),
     KnownFault("points of small cylinders are off the surface", _leave_out_small_cylinders),
@@ -270,4 +299,5 @@ KNOWN_FAULTS = (
         _point_to_the_sun,
         ("light direction", "emitted", "unblocked light", "light adds", "picture"),
     ),
+    KnownFault("the rim of a complex sun, in roundings of a cosine", _even_the_sun),
 )
