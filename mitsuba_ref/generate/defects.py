@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from mitsuba_ref.generate.judge import AGREE, STRICT, Judge
 from mitsuba_ref.generate.scene import Scenes
@@ -17,6 +18,7 @@ from mitsuba_ref.mutations.mutation import Mutation
 from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import RenderFunction
+from renderer.scene_file.plugins import tag_of_plugin
 
 TIME_LIMIT = 600.0
 """Seconds for a picture of a mutant: all kernels of its scene are compiled anew."""
@@ -27,7 +29,7 @@ class Seen:
     """How a defect was seen."""
 
     defect: str  # name of the mutation
-    scenes: int  # rendered until then
+    scenes: int  # drawn until then
     sentence: str  # what differs; empty: not seen
 
     @property
@@ -37,6 +39,17 @@ class Seen:
         return f"{self.defect}: " + (
             said if self.sentence else f"not in {self.scenes} scenes"
         )
+
+
+def may_reach(mutation: Mutation, root: Element) -> bool:
+    """Tell whether a scene may run what a mutation edits: a plugin's file needs the plugin.
+
+    Kernels of a mutant are compiled for each scene, so that scenes without it are passed
+    over. (Few plugins use kernels of another's file; those scenes are passed over too.)
+    """
+    drawn = {element.get("type") for element in root.iter()}
+    modules = {edit.symbol.partition(".")[0] for edit in mutation.edits}
+    return any(tag_of_plugin(name) is None or name in drawn for name in modules)
 
 
 def scenes_until_seen(
@@ -55,7 +68,7 @@ def scenes_until_seen(
     mutation
         The defect.
     seed, most
-        Of the scenes; how many are rendered at most.
+        Of the scenes; how many are drawn at most.
     render_ours, render_reference
         The unharmed renderer, and Mitsuba.
     folder
@@ -74,6 +87,8 @@ def scenes_until_seen(
         for number in range(most):
             tell(number)
             scene = scenes.draw(number)
+            if not may_reach(mutation, scene.root):
+                continue
             if unharmed.judge(scene).verdict != AGREE:
                 continue
             found = harmed.judge(scene)

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
-from mitsuba_ref.generate.faults import KNOWN_FAULTS
+from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault
+from mitsuba_ref.generate.moved_camera import with_camera_turned
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
 from mitsuba_ref.records.results import ReplayResult
 from mitsuba_ref.reference.cache import ReferenceCache, RenderFunction
 from mitsuba_ref.reference.errors import MitsubaCrashed, MitsubaError, MitsubaTimeout
-from mitsuba_ref.replay.edge_causes import first_hit_causes
+from mitsuba_ref.replay.replay_comparison import TOLERANCE, relative_difference
 from mitsuba_ref.replay.replay_scene import replay_scene
 from renderer.advice.coincident_surfaces import coincident_surfaces
 from renderer.errors import NotReplayable, SceneError
@@ -42,9 +45,8 @@ TIME_LIMIT = 60.0
 """Seconds for one answer of Mitsuba; a scene takes less than one."""
 
 LIMITS = ReplayLimits(reason="scenes at random", traced=6)
-ROUNDED = 1e-4
-"""RMSE, over the mean, of pixels none of which diverged, that is rounding without a trace:
-a single pixel of a small picture decides it."""
+ROUNDED = 3e-5
+"""Relative: what a pixel without a trace may differ by in addition to what turns change."""
 
 STRICT = ReplayLimits(reason="without a look at causes")
 
@@ -109,13 +111,15 @@ class Judge:
         A difference is a known fault's if the scene without what brings it about has none.
         """
         found = self._judge(scene)
-        if found.verdict in UNCLASSED:
-            for fault in KNOWN_FAULTS:
-                root = copy.deepcopy(scene.root)
-                if not (fault.explains(found.quantity) and fault.undo(root)):
-                    continue
-                if self.judge(scene._replace(root=root)).verdict not in UNCLASSED:
-                    return replace(found, verdict=FAULT, quantity=fault.name)
+        if found.verdict not in UNCLASSED:
+            return found
+        without = list(_without_faults(scene, found.quantity))
+        for judge in (self._judge, self.judge):  # one fault alone, then several
+            for fault, undone in without:
+                after = judge(undone)
+                if after.verdict not in UNCLASSED:
+                    more = f", {after.quantity}" if after.verdict == FAULT else ""
+                    return replace(found, verdict=FAULT, quantity=fault.name + more)
         return found
 
     def _judge(self, scene: DrawnScene) -> Judgement:
@@ -138,12 +142,15 @@ class Judge:
                 time_limit=TIME_LIMIT,
             )
             found = _class_of(result, ours, theirs)
-            if found.verdict in (EDGE, AMPLIFIED) and _has_coincident_surfaces(request):
+            finite = found.verdict == UNKNOWN and result.pixels > 0
+            untraced = finite and self._limits.traced > 0 and not result.traced
+            if untraced:
+                found = self._untraced(found, ours, theirs, request.with_spp(spp))
+            may_be_rounding = untraced or found.verdict in (EDGE, AMPLIFIED)
+            if may_be_rounding and _has_coincident_surfaces(request):
                 found = replace(found, verdict=COINCIDENT)
             if found.quantity == "face" and _has_twin_faces(request):
                 found = replace(found, verdict=COINCIDENT)
-            if found.verdict == UNKNOWN and result.pixels and not result.traced:
-                found = self._untraced(found, result, request)
         except NotReplayable as error:
             return Judgement(REFUSED, str(error), "NotReplayable")
         except (MitsubaCrashed, MitsubaTimeout) as error:
@@ -156,22 +163,38 @@ class Judge:
             return replace(found, brightness=float(theirs.mean(dtype=np.float64)))
 
     def _untraced(
-        self, found: Judgement, result: ReplayResult, request: RenderRequest
+        self, found: Judgement, ours: Picture, theirs: Picture, request: RenderRequest
     ) -> Judgement:
-        """Return the class of a scene whose paths cannot be traced.
+        """Return the class of a scene whose paths cannot be traced, by turns of its camera.
 
-        Of these our AOVs say which pixels lie at edges; a difference elsewhere is unknown.
+        Rounding explains a pixel that they make diverge, or change as much as it differs.
         """
-        if not self._limits.traced:
-            return found
-        if not result.listed:
-            small = result.rmse is not None and result.rmse < ROUNDED
-            return replace(found, verdict=AMPLIFIED if small else UNKNOWN)
-        told = first_hit_causes(result.listed, request, "this one", self._render_ours)
-        elsewhere = [pixel for pixel in told if "next to an edge" not in pixel.cause]
-        if not elsewhere:
-            return replace(found, verdict=EDGE)
-        return replace(found, pixel=(elsewhere[0].x, elsewhere[0].y))
+        path = Path(request.path)
+        change = np.zeros(ours.shape[:2])
+        for root in with_camera_turned(ElementTree.parse(path).getroot()):
+            turned = path.with_name("turned.xml")
+            turned.write_text(scene_text(root), encoding="utf-8")
+            moved = replace(request, path=str(turned), box_filter=True, replay=True)
+            again = self._render_ours(moved).pixels
+            change = np.fmax(change, relative_difference(again, ours))
+        differs = relative_difference(ours, theirs)
+        explained = (change > TOLERANCE) | (differs <= ROUNDED + change)
+        if explained.all():
+            return replace(found, verdict=EDGE if differs.max() > TOLERANCE else AMPLIFIED)
+        left = np.where(explained, 0.0, differs)
+        y, x = (int(k) for k in np.unravel_index(left.argmax(), left.shape))
+        words = f"; turns of the camera do not explain {np.count_nonzero(left)}"
+        return replace(found, sentence=found.sentence + words, pixel=(x, y))
+
+
+def _without_faults(
+    scene: DrawnScene, quantity: str
+) -> Iterator[tuple[KnownFault, DrawnScene]]:
+    """Yield faults that may explain a difference, each with the scene without it."""
+    for fault in KNOWN_FAULTS:
+        root = copy.deepcopy(scene.root)
+        if fault.explains(quantity) and fault.undo(root):
+            yield fault, scene._replace(root=root)
 
 
 def _without(error: Exception, path: Path) -> str:

@@ -38,7 +38,8 @@ def relative_difference(ours: Array, reference: Array) -> Errors:
     theirs = reference.astype(np.float64)
     scale = np.maximum(np.abs(theirs).max(axis=2), DARK * np.abs(theirs).mean())
     difference = np.abs(ours.astype(np.float64) - theirs).max(axis=2)
-    return np.divide(difference, scale, out=np.zeros_like(scale), where=difference > 0.0)
+    infinite = np.where(difference > 0.0, np.inf, 0.0)
+    return np.divide(difference, scale, out=infinite, where=scale > 0.0)
 
 
 def errors_in_common(ours: Array, reference: Array) -> Errors:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ from renderer.rendering.tables.methods import (
 from renderer.rendering.user_kernels.check import blame_users
 from renderer.scene.materials import MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import BitmapTexture
 
 # in the order of their columns
 _LOOK_UPS = {
@@ -110,7 +112,8 @@ def bsdf_tables(
     look_up = (record_type(bsdfs), INT, INT, work_types().points, INT, INT)
     of_textures = []
     for k, (kind, _) in enumerate(texture_tables):
-        mine = [t if bsdfs.texture_kind[i] == k else None for i, t in enumerate(textures)]
+        kinds = zip(textures, bsdfs.texture_kind, strict=True)
+        mine = [_of_two_texels(t) if its == k else None for t, its in kinds]
         record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
         requested = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
         of_textures.append(
@@ -168,3 +171,15 @@ def _row(
         (show_normal, shown, NOTHING) if turns else None,
         (let_through, group, NOTHING) if lets_through else None,
     ]
+
+
+def _of_two_texels(texture: Any) -> Any:
+    """Return a bitmap with a single row or column doubled, as Mitsuba has it.
+
+    It looks the same. But slopes that `to_uv` turns are multiplied by the image's size.
+    """
+    if not isinstance(texture, BitmapTexture) or min(texture.texels.shape[:2]) > 1:
+        return texture
+    height, width = (max(2 - n, 0) for n in texture.texels.shape[:2])
+    padded = np.pad(texture.texels, ((0, height), (0, width), (0, 0)), mode="edge")
+    return replace(texture, texels=padded)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 
 from mitsuba_ref.generate.drawing import DrawnScene
+from mitsuba_ref.generate.files import png_bytes
 from mitsuba_ref.generate.judge import AGREE, FAULT, Judge
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.reference.picture_process import MitsubaWorker
@@ -25,6 +27,11 @@ SKY = """<shape type="rectangle"/><emitter type="sunsky"><spectrum type="irregul
 name="albedo"><string name="wavelengths" value="400, 500, 700"/>
 <string name="values" value="0.7, 0.7, 0.1"/></spectrum>
 <vector name="sun_direction" value="0, 0.5, 0.8"/></emitter>"""
+TURNED_BUMPS = """<shape type="rectangle"><bsdf type="bumpmap"><bsdf type="diffuse"/>
+<texture type="bitmap"><boolean name="raw" value="true"/>
+<string name="filename" value="column.png"/><transform name="to_uv">
+<scale x="1.6" y="0.04"/><rotate z="1" angle="53"/></transform></texture></bsdf></shape>"""
+COLUMN = {"column.png": png_bytes(np.array([[[0.2]], [[0.8]]]), 8)}
 AOVS = '<string name="aovs" value="n:geo_normal"/><integrator type="path" name="inside"/>'
 
 
@@ -34,14 +41,14 @@ def judge(tmp_path_factory):
         yield Judge(render_ours, worker.render, tmp_path_factory.mktemp("found"))
 
 
-def scene(integrator, content, inside="", pixels="rgb"):
+def scene(integrator, content, inside="", pixels="rgb", files=None):
     text = SCENE.format(
         integrator=integrator, content=content, inside=inside, pixels=pixels
     )
     root = ET.fromstring(text)
     for element in root.iter():
         element.text = element.tail = None
-    return DrawnScene(root, {})
+    return DrawnScene(root, files or {})
 
 
 @pytest.mark.parametrize(
@@ -50,8 +57,14 @@ def scene(integrator, content, inside="", pixels="rgb"):
         scene("whitted", INSTANCE + LAMP, HIDDEN),
         scene("aov", '<shape type="rectangle"/>' + LAMP, AOVS, "rgba"),
         scene("path", SKY),
+        scene("path", TURNED_BUMPS + LAMP, files=COLUMN),
     ],
-    ids=["whitted hides lamps from instances", "colours of aov in rgba", "ground of a sky"],
+    ids=[
+        "whitted hides lamps from instances",
+        "colours of aov in rgba",
+        "ground of a sky",
+        "slopes of an image of one column, turned",
+    ],
 )
 def test_what_was_mended_agrees(drawn, judge):
     found = judge.judge(drawn)

@@ -26,6 +26,14 @@ def test_black_pictures_pass():
     assert (result.passed, result.rmse) == (True, 0.0)
 
 
+def test_a_black_reference_is_no_division_by_zero():
+    """A warning would be an error here. The one pixel that shines has diverged."""
+    ours = grey(value=0.0)
+    ours[7, 31, 2] = 1e-3
+    result = compare_replay(ours, grey(value=0.0))
+    assert (result.divergent, result.listed[0].relative) == (1, np.inf)
+
+
 def test_a_divergent_pixel_is_named_and_left_out_of_the_rmse():
     """One pixel in 2000 may part; its place is (x, y) as in the picture."""
     ours = grey()

@@ -184,6 +184,17 @@ def test_its_twin_in_mitsuba_says_the_same(small):
         assert close.mean() > 0.999  # a half vector at the border of a cell may change it
 
 
+def test_its_twin_is_black_where_a_direction_is_not_a_number(small):
+    """A bump map may turn a frame by 0 / 0; an exception would end Mitsuba's picture."""
+    twin, up = MitsubaProbe(merl(small)), np.array([[0.0, 0.0, 1.0]])
+    nowhere = np.full((1, 3), np.nan)
+    for wo, wi in ((nowhere, up), (up, nowhere), (nowhere, nowhere)):
+        f_cos, pdf = twin.eval_pdf(wo, wi)
+        assert not f_cos.any() and not pdf.any()
+    found = twin.sample(nowhere, np.array([[0.3, 0.4, 0.5]]))
+    assert not found.weight.any() and not found.pdf.any()
+
+
 def test_its_albedo_is_mitsubas(small):
     """A plate: pi f of light along the normal, as Mitsuba's for BSDFs without an own."""
     plate = {"type": "rectangle", "bsdf": merl(small)}
