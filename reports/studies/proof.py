@@ -122,6 +122,7 @@ STUDY = Study(
     title="Proof",
     sentence="With the same random numbers, do both programs trace the same paths; with "
     "others, does any test tell their pictures apart?",
+    advice="Prove a scene of yours: `python -m reports proof --case my_scene.xml`.",
     minutes=20,
     quick_minutes=6,
     cases=scene_names,

@@ -1,7 +1,7 @@
 """Position, normals and uv of every shape against Mitsuba's `ray_intersect`, ray by ray.
 
 One scene holds each kind of shape several times: turned, stretched, mirrored, flipped. The
-rays are random; only those beside a silhouette or an edge may differ.
+rays are random; only those next to a silhouette or an edge may differ.
 """
 
 from __future__ import annotations
