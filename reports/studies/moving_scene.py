@@ -154,9 +154,9 @@ def verdict(table: Table) -> str:
             times.curve(case=case, contender=name) for name in ("rebuilt", "refitted")
         )
         ratios = [b.value / a.value for a, b in zip(new, fitted, strict=True)]  # type: ignore
-        worst.append(f"{case} {number(max(ratios), 2)}")
-    text = ", ".join(worst)
-    return f"Time of a ray, at worst, that in a new tree is 1: {text}." if text else ""
+        worst.append(f"{case} {number(max(ratios), 2)} times")
+    text = "; ".join(worst)
+    return f"In a fitted tree a ray takes at worst as long: {text}." if text else ""
 
 
 STUDY = Study(
