@@ -284,7 +284,7 @@ def pair(folder, scene):
 def test_surface_points_are_mitsubas(pair, name):
     """Position, both normals, uv and face, under every transform, mirrored ones too.
 
-    A rectangle's geometric normal is left out: Mitsuba, which makes a mesh of it, differs on
+    A rectangle's geometric normal is left out: Mitsuba makes a mesh of it and differs on
     mirrored ones (test_surface_points.py). One ray in a hundred may graze an edge.
     """
     mine, theirs, same, scene = pair
