@@ -88,7 +88,7 @@ def arrows(reach: Graph, packages: set[str]) -> list[tuple[str, str]]:
 
 
 def lines_of(names: Iterable[str]) -> list[str]:
-    """Break names, separated by commas, into lines that fit beside the boxes."""
+    """Break names, separated by commas, into lines that fit next to the boxes."""
     lines = [""]
     for name in names:
         if len(lines[-1] + name) * LETTER > WIDTH - FILES_FROM:

@@ -188,7 +188,7 @@ def energy_rows(sets: dict[str, dict[str, Any]]) -> Iterator[str]:
 
 
 def _chi_squares(name: str) -> str:
-    """Return the p-values of a set's tests; nothing where all is mirrored or not asked."""
+    """Return the p-values of a set's tests; nothing where all is mirrored or not tested."""
     if name not in single.SETS:
         return ""
     found = []

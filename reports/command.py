@@ -26,7 +26,7 @@ FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
 ALL = "all"
 DEFAULT_STUDY = "scenes"
-INDEX = "index.html"
+INDEX, HISTORY = "index.html", "history.html"
 EPILOG = f"""exit status, that of the most severe verdict of a scene:
 {statuses_in_words()}
 {FAULTY} also for a fault that a study found. After {INTERRUPTED} all cases that ended are
@@ -95,12 +95,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             table = table_of(name, study, store)
             if table and (sentence := study.verdict(table)):
                 _say(f"{name}: {sentence}")
-        _say(f"The page: {draw_index(store, given.out)}")
-        status = status or _status(studies, store, given.case)
         if everything:
             rows = {n: (s, store.everything(n)) for n, s in studies.items()}
-            write_atomically(given.out / "history.html", history_page(rows).encode())
-            _say(f"The page: {given.out / 'history.html'}")
+            write_atomically(given.out / HISTORY, history_page(rows).encode())
+        _say(f"The page: {draw_index(store, given.out)}")
+        status = status or _status(studies, store, given.case)
     except ReportError as error:
         console.print(f"reports: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
@@ -150,7 +149,7 @@ def draw_index(store: Store, out: Path) -> Path:
     titles = [
         (page_file(name), study.title.partition(":")[0]) for name, study in studies.items()
     ]
-    write_shared_files(out, titles)
+    write_shared_files(out, [*titles, (HISTORY, "Over commits")])
     return out / INDEX
 
 

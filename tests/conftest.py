@@ -76,7 +76,7 @@ def pytest_collection() -> Iterator[Any]:
 def no_collection() -> Iterator[None]:
     """Keep Python's collector out: hypothesis hangs a callback on it.
 
-    What is raised inside of one, such as an interrupt, reaches nobody.
+    What is raised inside of one, such as an interrupt, is lost.
     """
     gc.disable()
     yield

@@ -121,7 +121,7 @@ def _judged(passed: bool) -> str:
 def _rung(rung: Rung) -> list[str]:
     judged = _judged(rung.passed)
     if rung.passed and rung.statistic is None:
-        judged = escape(rung.sentence.split(":")[0].lower())  # "not asked"
+        judged = escape(rung.sentence.split(":")[0].lower())  # "not tested"
     return [
         escape(rung.name),
         _number(rung.statistic),

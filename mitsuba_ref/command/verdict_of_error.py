@@ -86,11 +86,11 @@ def with_the_other_side(
     try:
         check_named_files(Path(request.path), request.parameters, request.allow_outside)
     except SceneError as error:
-        return replace(ours, other_side=f"Mitsuba was not asked: {_one_line(error)}")
+        return replace(ours, other_side=f"Mitsuba was not run: {_one_line(error)}")
     try:
         picture = references.render_uncached(asked).pixels
     except Exception as error:
-        theirs = stopped_by(error, "Mitsuba, asked as well")
+        theirs = stopped_by(error, "Mitsuba, tried as well")
         verdict = most_severe((ours.verdict, theirs.verdict))
         if theirs.verdict == "refused-by-mitsuba":
             verdict = "refused-by-both"

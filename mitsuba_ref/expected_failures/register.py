@@ -135,7 +135,7 @@ REGISTER = (
         measured=0.0461,
         band=(0.01, 0.1),
         agreement=(0.0, 1e-3),
-        reason="Edges are not shared exactly (issue 1149); the harness asks for `robust`.",
+        reason="Edges are not shared exactly (issue 1149); the harness requests `robust`.",
     ),
     ExpectedFailure(
         name="Mitsuba's point light, sampled four times",

@@ -112,5 +112,5 @@ def no_convergence() -> Rung:
     return Rung(
         name="convergence",
         passed=True,
-        sentence="Not asked: the scene has no noise that could fall.",
+        sentence="Not tested: the scene has no noise that could fall.",
     )

@@ -160,7 +160,7 @@ def refuse_code(path: Path, parameters: Mapping[str, object]) -> None:
     try:
         check_named_files(path, parameters, ["/"])
     except SceneError as error:
-        raise RuntimeError(f"was not asked: {error}") from None
+        raise RuntimeError(f"was not run: {error}") from None
 
 
 class SceneNodes:

@@ -124,6 +124,8 @@ class Study:
         Of its page.
     sentence
         What it answers, in one sentence.
+    advice
+        What a reader does with the answer; "" where the page itself says so.
     minutes, quick_minutes
         How long all cases take on two cores, the second with `--quick`.
     measure
@@ -168,6 +170,7 @@ class Study:
     sentence: str
     minutes: float
     measure: Callable[[str, Bench], Iterator[Row]]
+    advice: str = ""
     quick_minutes: float | None = None
     cases: Sequence[str] | Callable[[], Sequence[str]] = ("all",)
     quick_cases: Sequence[str] | None = None

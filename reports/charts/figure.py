@@ -14,7 +14,7 @@ from typing import Any
 import plotly.graph_objects as go
 from markupsafe import Markup
 
-# at least 3:1 beside the page's light and its dark background
+# at least 3:1 next to the page's light and its dark background
 COLOURS = ("#0a8a7b", "#b8478a", "#7b8087", "#9a7b0a", "#3f7fc4", "#c2622c")
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 SYMBOLS = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
@@ -24,7 +24,7 @@ GRID, FAINT, GUIDE = "rgba(128,134,140,.35)", "rgba(128,134,140,.13)", "rgb(128,
 
 @dataclass(frozen=True)
 class Point:
-    """One measurement; `label` is drawn beside it, `tooltip` shown on hover."""
+    """One measurement; `label` is drawn next to it, `tooltip` shown on hover."""
 
     x: float
     y: float

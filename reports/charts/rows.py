@@ -30,7 +30,7 @@ def dots_chart(
     intervals: Mapping[tuple[str, str], tuple[float, float]] | None = None,
     guide: float | None = None,
 ) -> Markup:
-    """Draw values of several series beside the name of each row.
+    """Draw values of several series next to the name of each row.
 
     Parameters
     ----------
@@ -118,9 +118,10 @@ def ranked_chart(
         traces.append(trace)
     return element(
         traces,
-        x=log_axis(x_label),
+        x=log_axis(x_label, side="top"),  # a long chart: its scale is seen first
         y=category_axis([plain(row[0]) for row in rows], True, automargin=True),
         height=AROUND + ROW * len(rows),
         description=description,
+        legend={"orientation": "h", "x": 0, "y": -0.01, "yanchor": "top"},
         shapes=[_line(1.0)],
     )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import re
+
+from markupsafe import Markup
 
 from mitsuba_ref.records.verdicts import VERDICTS, Verdict
 
@@ -29,6 +32,9 @@ VERDICT_SIGNS: dict[Verdict, str] = {
 VERDICT_STYLES: dict[Verdict, str] = {  # classes of the style sheet
     verdict: verdict if verdict in ("pass", "fail") else "error" for verdict in VERDICTS
 }
+
+_EXPONENT = re.compile(r"\^(\([^)]*\)|-?\d+)")
+_POWER = re.compile(r"(?<![\w^])(\d[\d.]*)e([+-]?\d+)")
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -74,3 +80,24 @@ def percent(share: float | None) -> str:
 def slug(text: str) -> str:
     """Return a text as part of a file's name."""
     return re.sub(r"[^\w.=+-]+", "-", text).strip("-.") or "unnamed"
+
+
+def marked_up(text: str) -> Markup:
+    """Return the text as HTML: `code`, and exponents raised (10^-3, n^(1/3), 1e-3)."""
+    pieces = []
+    for place, part in enumerate(text.split("`")):
+        safe = html.escape(part)
+        if place % 2:
+            pieces.append(f"<code>{safe}</code>")
+        else:
+            pieces.append(_EXPONENT.sub(_raised, _POWER.sub(_written_out, safe)))
+    return Markup("".join(pieces))
+
+
+def _raised(found: re.Match[str]) -> str:
+    return f"<sup>{found[1].strip('()')}</sup>"
+
+
+def _written_out(found: re.Match[str]) -> str:
+    factor, power = found[1], int(found[2])
+    return f"10^{power}" if factor == "1" else f"{factor} · 10^{power}"

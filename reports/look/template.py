@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mitsuba_ref.records.failures import failures
 from mitsuba_ref.records.other_programs import busy_sentence
-from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
+from mitsuba_ref.records.verdicts import VERDICTS
 from reports.look import formatting, heat_map, pictures
 
 Filter = Callable[..., str]
@@ -20,11 +20,12 @@ FILTERS: dict[str, Filter] = {
     "judgement": formatting.judgement,
     "metric_name": formatting.metric_name,
     "percent": formatting.percent,
+    "marked": formatting.marked_up,
 }
 
 
 def fill(template: str, filters: Mapping[str, Filter] | None = None, **context: Any) -> str:
-    """Return the HTML; a name that the template asks for and `context` lacks is an error.
+    """Return the HTML; a name that the template uses and `context` lacks is an error.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def _environment(filters: frozenset[tuple[str, Filter]]) -> Environment:
         work_ramp=heat_map.ramp_css(),
         verdict_signs=formatting.VERDICT_SIGNS,
         verdict_styles=formatting.VERDICT_STYLES,
-        verdict_facts={name: VERDICTS[name] for name in CURRENT},
+        verdict_facts=VERDICTS,
         ramp_colours=", ".join(
             "rgb({:.0f} {:.0f} {:.0f})".format(*colour) for colour in pictures.DIVERGING
         ),

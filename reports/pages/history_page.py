@@ -17,7 +17,7 @@ from reports.look.formatting import number
 from reports.look.template import fill
 
 MOST = 8  # curves of a chart; more are drawn as their mean
-TICKS = 6  # commits named at the axis
+TICKS = 4  # commits named at the axis
 FIRST = 4  # quantities of a study that names no headlines
 
 Curves = dict[str, list[float | None]]  # by name, a value for each run

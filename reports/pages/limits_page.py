@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import re
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -20,8 +18,6 @@ from reports.look.template import fill
 # the first pictures of the page: the five that show most at a glance
 FIRST = "offset-acne", "offset-gap", "triangle-size", "sum", "stadium"
 GLYPHS = "●■▲◆▼✚○□△◇▽✛"  # the symbols of charts, in their order; then open
-_EXPONENT = re.compile(r"\^(\([^)]*\)|-?\d+)")
-_POWER = re.compile(r"(?<![\w^])(\d[\d.]*)e([+-]?\d+)")
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,6 @@ def limits_page(name: str, study: Study, table: Table) -> str:
     ordered = dict.fromkeys((*FIRST, *sections))
     return fill(
         "limits.html",
-        filters={"marked": marked_up},
         name=name,
         study=study,
         run=table.newest,
@@ -150,24 +145,3 @@ def _strength(value: float) -> str:
         return number(value, 2)
     mantissa, power = f"{value:.1e}".split("e")
     return f"{float(mantissa):g}e{int(power)}"
-
-
-def marked_up(text: str) -> Markup:
-    """Return the text as HTML: `code`, and exponents raised (10^-3, n^(1/3), 1e-3)."""
-    pieces = []
-    for place, part in enumerate(text.split("`")):
-        safe = html.escape(part)
-        if place % 2:
-            pieces.append(f"<code>{safe}</code>")
-        else:
-            pieces.append(_EXPONENT.sub(_raised, _POWER.sub(_written_out, safe)))
-    return Markup("".join(pieces))
-
-
-def _raised(found: re.Match[str]) -> str:
-    return f"<sup>{found[1].strip('()')}</sup>"
-
-
-def _written_out(found: re.Match[str]) -> str:
-    factor, power = found[1], int(found[2])
-    return f"10^{power}" if factor == "1" else f"{factor} · 10^{power}"

@@ -61,9 +61,14 @@ class Soaked:
     trials: list[Trial]
 
     @property
+    def faults(self) -> list[str]:
+        """The faults that are open, each with its trial."""
+        return [f"{trial.name}: {fault}" for trial in self.trials for fault in trial.open]
+
+    @property
     def open(self) -> int:
         """How many faults are open."""
-        return sum(len(trial.open) for trial in self.trials)
+        return len(self.faults)
 
     @property
     def mended(self) -> int:

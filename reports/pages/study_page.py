@@ -19,6 +19,7 @@ from reports.look.template import fill
 
 APART = "fault", "left out", "picture", "file"
 MOST_COLUMNS = 8  # of a table over the axis of a study
+MANY = 4  # contenders: their quantity is the title of a table of its own
 OBVIOUS = "", "s", "times"  # units that a heading need not say
 
 
@@ -40,6 +41,7 @@ class Section:
     columns: list[str]
     rows: list[tuple[str, list[Cell]]]
     charts: list[tuple[str, Markup]]
+    alone: bool  # its table takes no further quantity
 
 
 def study_page(name: str, study: Study, table: Table) -> str:
@@ -74,7 +76,7 @@ def circumstances_of(table: Table) -> Run | None:
 
 
 def _sections(study: Study, table: Table) -> list[Section]:
-    """Return a section for each quantity; tables without a chart are put together."""
+    """Return a section for each quantity; small tables without a chart are put together."""
     sections: list[Section] = []
     tables: dict[tuple[str, ...], Section] = {}
     for quantity in table.distinct("quantity"):
@@ -82,9 +84,9 @@ def _sections(study: Study, table: Table) -> list[Section]:
             continue
         one = _section(study, table.where(quantity=quantity))
         lines = tuple(name for name, _ in one.rows)
-        if one.charts or lines not in tables:
+        if one.alone or lines not in tables:
             sections.append(one)
-            if not one.charts:
+            if not one.alone:
                 tables[lines] = one
             continue
         first = tables[lines]
@@ -107,8 +109,11 @@ def _section(study: Study, table: Table) -> Section:
         charts.append(("", dots))
     if bare and len(cases) == 1 < len(contenders):
         rows = [(name, [_cell(bare, cases[0], name)]) for name in contenders]
-        return Section(_capital(cases[0]), [heading], rows, charts)
-    columns = [f"{heading}: {one}" if one else heading for one in contenders]
+        return Section(_capital(cases[0]), [heading], rows, charts, bool(charts))
+    many = len(contenders) > MANY
+    columns = [
+        one if many else f"{heading}: {one}" if one else heading for one in contenders
+    ]
     rows = [
         (case, [_cell(bare, case, one) for one in contenders])
         for case in bare.distinct("case")
@@ -123,7 +128,7 @@ def _section(study: Study, table: Table) -> Section:
             for case in placed.distinct("case")
             for one in placed.where(case=case).distinct("contender")
         ]
-    return Section(heading, columns, rows, charts)
+    return Section(heading, columns, rows, charts, many or bool(charts))
 
 
 def _heading(table: Table) -> str:

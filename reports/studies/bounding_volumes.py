@@ -21,9 +21,10 @@ from renderer.plugins.shapes.extents import extents_of
 from renderer.plugins.shapes.triangle import TriangleSurfaces
 from renderer.textbook.bounding_volumes import which_hit
 from renderer.textbook.volume_fits import VOLUMES, points_of_extents
-from reports.bench.rows import Row
+from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import take_turns
+from reports.look.formatting import number
 from reports.trials.meshes import surfaces_of
 from reports.trials.rays import flat, in_batches
 from reports.trials.tracing import make_query, trace
@@ -32,6 +33,7 @@ DETAIL = 48  # parts along a side of an object's surface
 TIMED_RAYS = 1024  # a batch, as in the renderer; stays in the fastest cache
 TURNS = 7  # the volumes take turns; the best counts
 SIDE = 160  # pixels of a picture
+SHARE = "share of its rays that hit"
 HIT, FALSE_HIT, MISS = (60, 64, 70), (226, 120, 90), (238, 240, 240)
 
 Points = NDArray[np.float64]  # (n, 3)
@@ -139,7 +141,7 @@ def measure(case: str, bench: Bench) -> Iterator[Row]:
 
 
 def pictures(case: str) -> dict[str, NDArray[np.uint8]]:
-    """Return a picture by parallel rays for each volume: hits dark, false hits red."""
+    """Return a picture by parallel rays for each volume: hits dark, false hits orange."""
     surfaces = _surfaces(case, DETAIL)
     extents = extents_of("triangles", surfaces, np.arange(surfaces.end))
     points = points_of_extents(extents)
@@ -203,7 +205,7 @@ def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[
         which_hit(record, lines.origin, lines.direction, endless, lines.number, found)
         met = int(found[:rays].sum())
         rows += [
-            row(quantity="share of its rays that hit", value=hits / met),
+            row(quantity=SHARE, value=hits / met),
             row(quantity="false hits per line", value=(met - hits) / rays),
             row(quantity="surface area", value=VOLUMES[name].area(record)),
         ]
@@ -234,12 +236,34 @@ def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[
         yield row(quantity="fit", unit="s", value=min(fits[name]))
 
 
+def verdict(table: Table) -> str:
+    """Name the tightest volume around each object."""
+    shares = table.where(quantity=SHARE)
+    best = [
+        max(shares.where(case=case), key=lambda row: float(row.value or 0.0))
+        for case in shares.distinct("case")
+    ]
+    named = (
+        f"{row.case}: {row.contender} ({number(100.0 * float(row.value or 0.0), 2)} %)"
+        for row in best
+    )
+    return (
+        f"The share of a volume's rays that hit, at best: {'; '.join(named)}."
+        if best
+        else ""
+    )
+
+
 STUDY = Study(
     title="Bounding volumes",
-    sentence="Which volume around an object lets the fewest rays through that miss it, and "
-    "what does its test cost? In the pictures these rays are red.",
+    sentence="Which volume around an object lets the fewest rays through that miss it "
+    "(orange), and what does its test cost? AABB: a box along the axes, OBB: a turned box, "
+    "k-DOP: k planes.",
+    advice="Take a box along the axes for what is cheap to test; a tighter volume pays "
+    "where what it holds costs more than its own test.",
     minutes=1,
     quick_minutes=0.3,
     cases=tuple(OBJECTS),
     measure=measure,
+    verdict=verdict,
 )

@@ -181,6 +181,8 @@ STUDY = Study(
     title="Clusters",
     sentence="What does it cost to deal out a picture to other processes, and up to how "
     "many workers does that pay?",
+    advice="Give pictures of many minutes to a cluster (`--cluster`), others to the "
+    "threads of one machine.",
     minutes=2,
     quick_minutes=0.7,
     cases=(HERE, SIMULATED),

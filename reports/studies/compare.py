@@ -116,6 +116,7 @@ STUDY = Study(
     title="Naming mistakes",
     sentence="How often does `lightproof compare` name the mistake in a picture, and how "
     "often does it alarm for nothing?",
+    advice="Judge a picture of yours: `lightproof compare mine.exr --scene my_scene.xml`.",
     minutes=60,
     quick_minutes=5,
     cases=(RIGHT, *SOURCES),

@@ -54,9 +54,11 @@ def verdict(table: Table) -> str:
 
 
 STUDY = Study(
-    title="What compiles",
+    title="Time to compile",
     sentence="How long does the first picture of each scene take, in a process that finds "
     "no compiled kernel? A scene finds what the scenes above it have compiled.",
+    advice="Wait once: compiled kernels are kept until lightproof, Numba or the processor "
+    "changes.",
     minutes=1.5,
     quick_minutes=0.5,
     cases=("first pictures",),

@@ -75,6 +75,8 @@ def verdict(table: Table) -> str:
 STUDY = Study(
     title="False alarms",
     sentence="How often does the ladder of tests alarm although nothing is wrong?",
+    advice="Before you believe an alarm, climb with other seeds: `python -m mitsuba_ref "
+    "SCENE --seeds 8 --seed 100`. A defect stays.",
     minutes=60,
     quick_minutes=6,
     cases=("cornell-box", "grey-furnace"),

@@ -14,14 +14,16 @@ import numpy as np
 
 import renderer
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from reports.bench.rows import Row
+from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import median_interval, take_turns
+from reports.look.formatting import seconds
 from reports.trials.large_meshes import ply_bytes
 from reports.trials.meshes import StudyMesh, displaced_icosphere
 
 FREQUENCIES = 16, 32, 64, 128, 224, 316  # meshes of 20 n^2 triangles, up to 2 million
 QUICK = 16, 64
+TIME = "time to the first picture"
 THREADS = 2
 SCENE = """<scene version="3.0.0"><integrator type="direct"/>
 <sensor type="perspective"><transform name="to_world">
@@ -55,15 +57,15 @@ def measure(case: str, bench: Bench) -> Iterator[Row]:
             contenders = {"lightproof": _ours(scene), "mitsuba scalar_rgb": _theirs(scene)}
             contenders["lightproof"](0)  # compiles
             times = take_turns(contenders, 3 if bench.quick else 7, show=bench.show)
-        for contender, seconds in times.items():
+        for contender, found in times.items():
             yield Row(
                 case=case,
                 contender=contender,
-                quantity="time to the first picture",
+                quantity=TIME,
                 unit="s",
                 at=mesh.triangles,
-                value=float(np.median(seconds)),
-                interval=median_interval(seconds),
+                value=float(np.median(found)),
+                interval=median_interval(found),
             )
 
 
@@ -86,12 +88,25 @@ def _theirs(scene: Path) -> Callable[[int], float | None]:
     return load
 
 
+def verdict(table: Table) -> str:
+    """Say how long the largest mesh takes."""
+    rows = table.curve(quantity=TIME)
+    times = (
+        f"{row.case}, {row.contender} {seconds(row.value)}"  # type: ignore[arg-type]
+        for row in rows
+        if row.at == rows[-1].at
+    )
+    return f"{rows[-1].at:,.0f} triangles: {'; '.join(times)}." if rows else ""
+
+
 STUDY = Study(
     title="Loading meshes",
     sentence="How long does it take from a mesh file to the first picture?",
+    advice="Save large meshes as PLY.",
     minutes=6,
     quick_minutes=0.5,
     cases=tuple(FORMATS),
     axis="triangles",
     measure=measure,
+    verdict=verdict,
 )

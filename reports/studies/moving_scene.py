@@ -20,9 +20,10 @@ from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bounds, refit_
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
 from renderer.kernels.records.batch import NODES
 from renderer.plugins.shapes.extents import extents_of
-from reports.bench.rows import Row
+from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import take_turns
+from reports.look.formatting import number
 from reports.trials.meshes import (
     StudyMesh,
     displaced_icosphere,
@@ -33,6 +34,7 @@ from reports.trials.tracing import answers, make_query, tallied, trace
 
 Corners = NDArray[np.float64]  # (n, 3 corners, 3)
 ENOUGH = 0.3  # [s] of turns
+RAY = "time of a ray"
 
 
 def wave(corners: Corners, progress: float) -> Corners:
@@ -134,7 +136,7 @@ def measure_frame(
         )
         # the least of the turns: a disturbance only adds
         yield name, "time of the tree", "ms", 1e3 * min(times[name])
-        yield name, "time of a ray", "ns", 1e9 * min(traced[name]) / query.rays.rays
+        yield name, RAY, "ns", 1e9 * min(traced[name]) / query.rays.rays
         yield name, "nodes of a ray", "", float(nodes)
         yield name, "SAH cost", "", float(cost)
 
@@ -143,13 +145,29 @@ def _tracing(tree: Any, query: Any) -> Callable[[int], float]:
     return lambda turn: trace(tree, query, query.batches)
 
 
+def verdict(table: Table) -> str:
+    """Say how much longer rays take in a fitted tree than in a new one, at worst."""
+    times = table.where(quantity=RAY)
+    worst = []
+    for case in times.distinct("case"):
+        new, fitted = (
+            times.curve(case=case, contender=name) for name in ("rebuilt", "refitted")
+        )
+        ratios = [b.value / a.value for a, b in zip(new, fitted, strict=True)]  # type: ignore
+        worst.append(f"{case} {number(max(ratios), 2)} times")
+    text = "; ".join(worst)
+    return f"In a fitted tree a ray takes at worst as long: {text}." if text else ""
+
+
 STUDY = Study(
     title="Moving scenes: refit or rebuild",
     sentence="When triangles move, how long is a tree that is only fitted to them as good "
     "as a new one?",
+    advice="Refit while the SAH cost is near that of a new tree; then rebuild.",
     minutes=6,
     quick_minutes=0.3,
     cases=tuple(MOTIONS),
     axis="per cent of the motion",
     measure=measure,
+    verdict=verdict,
 )

@@ -105,11 +105,13 @@ def verdict(table: Table) -> str:
 STUDY = Study(
     title="Defects built in",
     sentence="A test that never fails proves nothing: which check sees a known defect?",
+    advice="Write a test for each defect in red: no check sees it.",
     minutes=180,
     cases=tuple(MUTATIONS),
     quick_cases=tuple(MUTATIONS)[:6],
     session=session,
     measure=measure,
+    headlines=("faults",),
     page="reports.pages.table_page:table_page",
     verdict=verdict,
 )

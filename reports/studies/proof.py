@@ -120,8 +120,9 @@ def verdict(table: Table) -> str:
 
 STUDY = Study(
     title="Proof",
-    sentence="With the same random numbers, do both programs trace the same paths; with "
-    "others, does any test tell their pictures apart?",
+    sentence="With the same random numbers, do lightproof and Mitsuba trace the same "
+    "paths; with others, does any test tell their pictures apart?",
+    advice="Prove a scene of yours: `python -m reports proof --case my_scene.xml`.",
     minutes=20,
     quick_minutes=6,
     cases=scene_names,

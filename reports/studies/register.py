@@ -50,6 +50,7 @@ STUDY = Study(
     title="Known disagreements",
     sentence="Methods that give a wrong answer for a known reason: if one changes, the "
     "method has changed or the check has gone blind. Has one?",
+    advice="Read why a row has changed, then correct the method or the check.",
     minutes=3,
     quick_minutes=1,
     cases=tuple(ENTRIES),

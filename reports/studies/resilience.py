@@ -132,6 +132,7 @@ STUDY = Study(
     title="The same picture after kill -9?",
     sentence="A render is killed and resumed on a cluster, of which a worker is killed. Is "
     "the file the same as that of a render in one go?",
+    advice="Give long renders `--checkpoint night.ckpt`; after a crash add `--resume`.",
     minutes=1,
     cases=("killed and resumed",),
     options={"spp": "samples per pixel (2048); more where a render ends too soon"},

@@ -120,7 +120,7 @@ ABOUT = {
     "at most 0.1 % of all processes.",
 }
 STUDY: Study = Study(
-    title="Soaked: what is too rare for a test",
+    title="Long trials: what is too rare for a test",
     sentence="Do rays leak, damaged files crash, interrupts leave half a file or memory "
     "grow, in hours of trying?",
     minutes=300,

@@ -308,6 +308,7 @@ STUDY = Study(
     quick_cases=("cornell-box", "textured-room", "caustic", "appel-teapot"),
     any_case=True,
     axis="samples per pixel",
+    headlines=("faults",),
     options={
         "spp": "samples per pixel, such as 4,16,64",
         "seeds": "pictures of each contender at each number of samples, 2 or more",

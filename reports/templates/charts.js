@@ -1,5 +1,5 @@
 "use strict";
-// Draws each chart with plotly.js, a file beside the page, when it comes near the window.
+// Draws each chart with plotly.js, a file next to the page, when it comes near the window.
 addEventListener("DOMContentLoaded", () => {
   const places = document.querySelectorAll("[data-figure]");
   if (!window.Plotly) {

@@ -57,7 +57,7 @@ class RayBatches(NamedTuple):
         return int(self.count.sum())
 
     def rows(self) -> tuple[Rows, Rows, NDArray[np.float32]]:
-        """Return origins (n, 3), directions (n, 3) and ends (n,), for who wants rows."""
+        """Return origins (n, 3), directions (n, 3) and ends (n,) as rows."""
         return flat(self.origin, self), flat(self.direction, self), flat(self.t_max, self)
 
 

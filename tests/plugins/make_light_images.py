@@ -1,4 +1,4 @@
-"""Writes the small images of the scenes beside this file that are lit by images.
+"""Writes the small images of the scenes next to this file that are lit by images.
 
 python tests/plugins/make_light_images.py
 """

@@ -1,7 +1,7 @@
 """The comparison that every accelerator has to stand: brute force, bit for bit.
 
 The names come from the registry, so a structure that is added later is tested without an
-edit here. Each is asked for the nearest hit and for any hit, by packets too where it has
+edit here. Each is tested for the nearest hit and for any hit, by packets too where it has
 such a traversal, and proves its own structure before.
 """
 

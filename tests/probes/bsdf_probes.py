@@ -1,4 +1,4 @@
-"""BSDFs asked one by one, ours and Mitsuba's: a dictionary, directions, random numbers.
+"""BSDFs called one by one, ours and Mitsuba's: a dictionary, directions, random numbers.
 
 Directions are local, (n, 3), and named as ours: `wo` is where the path comes from. A kernel
 compiles once for each kind of BSDF, whatever its parameters are.

@@ -116,7 +116,7 @@ class Outcome(NamedTuple):
     freedom: int
     samples: int
     noncentrality: float  # found with 99 % power
-    masses: Array  # of the cells, before pooling; a last one for samples beside the grid
+    masses: Array  # of the cells, before pooling; a last one for samples outside the grid
     pool: NDArray[np.int64]  # number of the pool of each cell
     shape: tuple[int, ...]
     impossible: int  # samples in cells that together expect less than 1e-6 of a sample
@@ -272,7 +272,7 @@ def assert_follows(
         A tilt of the density so large, along any axis of the grid, has to be found with a
         power of 99 %; less is an error of the test.
     mass : float
-        The integral of the density over the grid; what lacks of 1 are samples beside it.
+        The integral of the density over the grid; what lacks of 1 are samples outside it.
     within : float
         How near the integral has to be.
     stray : int

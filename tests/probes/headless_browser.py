@@ -238,7 +238,7 @@ class Page:
         return found
 
     def requests(self) -> list[str]:
-        """Return the address of everything that the pages asked for so far."""
+        """Return the address of everything that the pages requested so far."""
         return [
             str(event["params"]["request"]["url"])
             for event in self.browser.events

@@ -128,7 +128,7 @@ def accelerator(kind: str, surfaces: Any, name: str, reach: float = 0.0) -> Any:
 
 
 class Found(NamedTuple):
-    """The nearest hit of each ray; t is what it was asked with where prim is -1."""
+    """The nearest hit of each ray; t is that of the call where prim is -1."""
 
     t: np.ndarray
     prim: np.ndarray

@@ -1,4 +1,4 @@
-"""Lights asked from Python: samples, densities, choices; one place for their signatures."""
+"""Lights in Python: samples, densities, choices; one place for their signatures."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Sampled(NamedTuple):
 
 
 class LightProbe:
-    """A scene of lights of many kinds, asked one light at a time.
+    """A scene of lights of many kinds, called one light at a time.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class LightProbe:
     radiance : tuple of 3 floats
         Of all area lights.
     replay : bool
-        Whether lights are asked as in a replay of Mitsuba.
+        Whether lights are sampled as in a replay of Mitsuba.
     """
 
     def __init__(

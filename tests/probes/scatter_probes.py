@@ -70,7 +70,7 @@ def _named(table: NDArray[np.float32]) -> Scattered:
 
 
 class ScatterProbe:
-    """A BSDF on a plate, asked at the stage that renders.
+    """A BSDF on a plate, evaluated at the stage that renders.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class ScatterProbe:
         return out.astype(float)
 
 
-# -------------------------------------------------------------------------- what is asked
+# --------------------------------------------------------------------- what is evaluated
 
 
 def seen_at(degrees: Any, side: int = 1) -> Array:

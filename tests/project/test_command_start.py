@@ -1,4 +1,4 @@
-"""The start of the command and of `import renderer`: nobody waits for what he does not use.
+"""The start of the command and of `import renderer`: no wait for what is not used.
 
 Nothing is timed here: what costs the time is imports, and these can be counted.
 """
@@ -100,7 +100,7 @@ def test_a_picture_imports_what_it_is_made_with(tmp_path):
 
 
 def test_public_names_are_what_they_were():
-    """`render` is the function, whoever has imported its module; typos are errors."""
+    """`render` is the function, also after an import of its module; typos are errors."""
     from renderer import Image, Progress, Scene, SceneError, render
 
     assert callable(render) and render is renderer.render

@@ -406,7 +406,7 @@ def test_a_net_is_recommended_where_there_is_one(spp, net):
 
 
 def test_more_samples_of_a_fixed_grid_are_a_finer_grid():
-    """Mitsuba's `stratified` without jitter takes 16 positions when asked for 16."""
+    """Mitsuba's `stratified` without jitter takes 16 positions when 16 are requested."""
     scene = renderer.load_file(SCENES / "appel-teapot" / "scene.xml")
     plan = make_plan(scene, spp=16)
     assert (plan.spp, plan.sampler.jitter) == (16, False)
@@ -551,7 +551,7 @@ def test_a_second_ctrl_c_quits_without_the_picture(capsys, monkeypatch):
 
 
 def test_ctrl_c_while_writing_waits_for_the_file(capsys, monkeypatch):
-    """The picture is whole by then; the status still says that somebody wanted to stop."""
+    """The picture is whole by then; the status still says that it was interrupted."""
     save = Image.save
 
     def interrupted_save(self, path):

@@ -1,4 +1,4 @@
-"""The scenes folder: complete, loadable by Mitsuba, and made by the scripts beside it."""
+"""The scenes folder: complete, loadable by Mitsuba, and made by the scripts next to it."""
 
 from __future__ import annotations
 

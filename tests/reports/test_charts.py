@@ -79,7 +79,7 @@ def luminance(colour: str) -> float:
 
 @pytest.mark.parametrize("background", ["#ffffff", "#1d2024"])
 def test_colours_are_seen_on_light_and_dark_pages(background: str) -> None:
-    """WCAG 2.1, 1.4.11: graphics have a contrast of at least 3 with what is beside them."""
+    """WCAG 2.1, 1.4.11: graphics have a contrast of at least 3 with what they touch."""
     for colour in COLOURS:
         one, other = sorted((luminance(colour), luminance(background)))
         assert (other + 0.05) / (one + 0.05) >= 3.0, colour

@@ -139,7 +139,7 @@ def test_what_the_scene_has_not_is_exactly_nothing(found):
 
 
 def test_a_claim_of_the_plan_is_an_exact_zero(path, tmp_path):
-    """Direct light leaves roulette out, though the file asks for it: measured, it is 0."""
+    """Direct light leaves roulette out, though the file has it: measured, it is 0."""
     file = tmp_path / "direct.xml"
     ended = '<integer name="max_depth" value="2"/><integer name="rr_depth" value="1"/>'
     file.write_text(SCENE.replace('<integer name="max_depth" value="5"/>', ended))

@@ -132,7 +132,7 @@ def test_a_scene_without_noise_has_no_floor_and_says_why_it_has_no_chart(tmp_pat
     compared(tmp_path, still)
     page = read(tmp_path, "scene_still.html")
     assert "one sample is the exact answer" in page and "data-figure" not in page
-    assert ", no noise, may be" in read(tmp_path)
+    assert ", no noise, limit" in read(tmp_path)
 
 
 def test_nan_pixels_are_said_aloud_and_drawn(tmp_path):

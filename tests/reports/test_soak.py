@@ -55,7 +55,7 @@ def test_no_ray_leaks_from_a_closed_mesh() -> None:
 @pytest.mark.parametrize(
     "structures",
     [
-        pytest.param(("boxes",), id="boxes"),  # which asks for the renderer's own records
+        pytest.param(("boxes",), id="boxes"),  # which requests the renderer's own records
         pytest.param(rays.STRUCTURES, id="all", marks=pytest.mark.slow),  # 30 s to compile
     ],
 )
@@ -83,7 +83,7 @@ def test_a_short_run_has_every_mesh() -> None:
 
 
 def test_every_structure_has_as_many_rays(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Brute force too, which is spared the large meshes; who has enough has no more."""
+    """Brute force too, which is spared the large meshes; what has enough gets no more."""
     monkeypatch.setattr(rays, "EACH", 128)
     large = next(turn for turn in range(999) if len(rays.combination(turn)[0].faces) > 400)
     part = Sums(counts=Counter({rays.TURNS: large, "rays: bvh": 64}))

@@ -246,7 +246,7 @@ def test_page_shows_what_the_rows_say():
     assert "<peer>" not in text and "&lt;peer&gt;" in text
     assert "1.5 (1.2 to 1.8)" in text or "1.5 (1.25 to 1.75)" in text
     assert "bsp (too large)." in text
-    assert "<strong>bvh</strong> is the fastest on diffuse rays, 2 times" in text
+    assert "(<code>bvh</code>) is the fastest on diffuse rays, 2 times" in text
     # a third each of 500 ns for a million rays, and 0.25 s of building
     assert (
         '<td>bvh</td><td class="num">0.75</td><td>bvh</td><td class="num">0.75</td>' in text

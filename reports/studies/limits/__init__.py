@@ -125,6 +125,7 @@ STUDY = Study(
     cases=_cases,
     quick_cases=[name for name, case in every_case().items() if not case.slow],
     axis="strength of the stress",
+    headlines=("faults",),
     page="reports.pages.limits_page:limits_page",
     measure=measure,
 )

@@ -95,7 +95,7 @@ def by_one_strategy(scene: renderer.Scene, spp: int, strategy: str) -> NDArray[n
         primitives = record.primitives._replace(stages=stages)
         record = record._replace(settings=alone, primitives=primitives)
     elif strategy == "bsdf":
-        # the BSDFs that lamps are asked for come first: here these are none
+        # the BSDFs at which lamps are sampled come first: here these are none
         record = record._replace(settings=alone, bsdfs=record.bsdfs._replace(smooth=0))
     film = job.make_film()
     run(job.with_record(record), film)

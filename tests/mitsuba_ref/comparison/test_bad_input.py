@@ -95,9 +95,9 @@ CASES = [
     ("refuse", "nan", "refused-by-us", 8, ["with NaN or infinite values: 1"]),
     ("memory", "fine", "refused-by-us", 8, ["our renderer: MemoryError"]),
     ("fine", "refuse", "refused-by-mitsuba", 9, ['"velvet" not found; we render it']),
-    ("refuse", "refuse", "refused-by-both", 10, ["our renderer: ", "asked as well: "]),
-    ("refuse", "crash", "mitsuba-crashed", 6, ["our renderer: ", "asked as well: "]),
-    ("refuse", "hang", "mitsuba-timeout", 7, ["our renderer: ", "asked as well: "]),
+    ("refuse", "refuse", "refused-by-both", 10, ["our renderer: ", "tried as well: "]),
+    ("refuse", "crash", "mitsuba-crashed", 6, ["our renderer: ", "tried as well: "]),
+    ("refuse", "hang", "mitsuba-timeout", 7, ["our renderer: ", "tried as well: "]),
 ]  # fmt: skip
 
 REPLAYED = [

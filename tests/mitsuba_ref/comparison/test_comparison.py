@@ -188,7 +188,7 @@ def test_blur_fails_although_it_has_less_noise(noisy):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_values_that_are_not_finite_fail_loudly_with_their_count(scene, bad):
-    """NaN compares as neither larger nor smaller: no metric may be asked before."""
+    """NaN compares as neither larger nor smaller: no metric may be computed before."""
     ours = scene.references[0].copy()
     ours[3, 4] = bad
     comparison = scene.compare(ours)
@@ -359,7 +359,7 @@ def two_triangles(on_the_diagonal: int) -> dict[str, np.ndarray]:
 
 
 def test_a_ray_along_the_diagonal_of_a_square_may_have_the_uv_of_either_half():
-    """One pixel in forty, all explained; a wrong uv beside the diagonal is still found."""
+    """One pixel in forty, all explained; a wrong uv next to the diagonal is still found."""
     ours, reference = two_triangles(0), two_triangles(1)
     assert all(result.passed for result in compare_aovs(ours, reference))
     ours["uv"][3:6, 20:30] += 0.01

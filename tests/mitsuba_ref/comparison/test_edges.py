@@ -88,7 +88,7 @@ def test_a_shadow_edge_is_found_and_a_gradient_is_not():
 
 
 def test_noise_in_the_dark_is_no_edge():
-    """1e-6 beside 2e-6 is a factor of two, and nothing to see beside a value of 1."""
+    """1e-6 to 2e-6 is a factor of two, and nothing compared with a value of 1."""
     picture = np.full((9, 11, 3), 1e-6)
     picture[:, 6:] = 2e-6
     picture[0, 0] = 50.0

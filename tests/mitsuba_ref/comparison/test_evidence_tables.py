@@ -38,7 +38,7 @@ SHIFT = replace(
     RUNG, name="registration", detectable_bias=0.07, detectable="shift in pixels"
 )
 NOT_ASKED = Rung(
-    "convergence", True, None, None, None, None, None, "", "Not asked: no noise."
+    "convergence", True, None, None, None, None, None, "", "Not tested: no noise."
 )
 SCENE = SceneResult(name="box", verdict="fail", replay=(REPLAY,), rungs=(SHIFT, RUNG))
 
@@ -79,7 +79,7 @@ def test_a_rung_is_one_line_with_what_it_would_have_seen():
     assert cells(output, "tiles") == [
         "tiles", "2.1", "6.8", "0.98", "1.7", "%", "broken"
     ]  # fmt: skip
-    assert cells(output, "convergence") == ["convergence", "not", "asked"]
+    assert cells(output, "convergence") == ["convergence", "not", "tested"]
 
 
 def test_without_replays_and_rungs_there_is_the_table_alone():

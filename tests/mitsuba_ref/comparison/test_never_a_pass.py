@@ -156,7 +156,7 @@ def test_a_firefly_of_mitsuba_s_excuses_nothing(large):
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_references_are_never_a_pass(count):
-    """The harness asks for four: fewer are a bug on our side."""
+    """The harness requests four: fewer are a bug on our side."""
     obstacle = find_obstacle([picture(0)], [picture(1)] * count)
     assert obstacle is not None
     assert obstacle.verdict == "broken"

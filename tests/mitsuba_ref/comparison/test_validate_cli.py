@@ -53,7 +53,7 @@ def test_a_refused_scene_is_no_pass_and_the_others_go_on(scene, tmp_path, capsys
     assert run(refused, scene, "--report", tmp_path / "report") == 10
     captured = capsys.readouterr()
     assert "refused-by-both refused: our renderer: " in captured.out
-    assert "refused-by-both refused: Mitsuba, asked as well: " in captured.out
+    assert "refused-by-both refused: Mitsuba, tried as well: " in captured.out
     assert "teapot" in captured.out
     assert "Traceback" not in captured.out + captured.err
     results = read_results(tmp_path / "report" / "results.json")
@@ -151,7 +151,7 @@ def test_scene_without_proof_file_is_rendered_as_it_says(scene, tmp_path):
 
 
 def test_a_sample_count_given_by_D_goes_before_the_proof_s(scene, tmp_path, capsys):
-    """The file's $spp and the number that both renderers are asked for are one thing."""
+    """The file's $spp and the number in both requests are one thing."""
     report = tmp_path / "report"
     assert run(scene, "-D", "spp=9", "--report", report) == 0
     (result,) = read_results(report / "results.json").scenes

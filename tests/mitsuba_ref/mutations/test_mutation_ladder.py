@@ -48,7 +48,7 @@ def smooth(factor: float = 1.0) -> np.ndarray:
 
 
 class References:
-    """Mitsuba's pictures, and which seeds were asked for."""
+    """Mitsuba's pictures, and which seeds were requested."""
 
     def __init__(self, still: bool = False, broken: bool = False) -> None:
         self.still, self.broken = still, broken

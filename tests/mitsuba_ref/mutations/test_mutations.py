@@ -263,7 +263,7 @@ def test_a_refusal_arrives_as_what_it_is(tmp_path):
 
 
 def test_kernels_are_compiled_again_only_where_one_is_changed(tmp_path, monkeypatch):
-    """And then in a cache of the mutant's own: nobody else may find them."""
+    """And then in a cache of the mutant's own: no other process may find them."""
     monkeypatch.setenv("LIGHTPROOF_CACHE", "ours")
     for made in named(["gamma-twice", "tiles-in-reverse", "mirrored-picture"]):
         with Mutant(made, 6.0, tmp_path) as mutant:

@@ -72,7 +72,7 @@ def test_cells_of_small_counts_are_pooled():
     outcome = chi_square(np.zeros((2, 4)), masses, 5000)
     expected = np.bincount(outcome.pool, outcome.masses * 5000)
     assert (expected >= 5).all() and expected.sum() == pytest.approx(5000)
-    assert outcome.freedom == 4  # 0.04 of five cells, 0.06 beside the grid, 0.3 thrice
+    assert outcome.freedom == 4  # 0.04 of five cells, 0.06 outside the grid, 0.3 thrice
     masses = np.full(10, 0.1)
     assert chi_square(np.zeros(10), masses, 49).freedom == 4
     assert chi_square(np.zeros(10), masses, 51).freedom == 9

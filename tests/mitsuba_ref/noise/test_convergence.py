@@ -108,7 +108,7 @@ def test_the_harness_measures_both_renderers(tmp_path, monkeypatch, capsys):
 
     The exponent scatters by 0.006, so that 0.05 is eight standard errors: no false alarm,
     and 0.062 would be seen. The file's sampler is `stratified`, with which both fall faster
-    than that: the rung asks for `independent` instead.
+    than that: the rung requests `independent` instead.
     """
     monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
     scene = tmp_path / "scene.xml"
@@ -139,7 +139,7 @@ def test_a_scene_without_noise_is_not_asked(tmp_path, monkeypatch):
     (result,) = read_results(report / "results.json").scenes
     assert result.rungs[-1].name == "convergence"
     assert result.rungs[-1].statistic is None
-    assert result.rungs[-1].sentence.startswith("Not asked: ")
+    assert result.rungs[-1].sentence.startswith("Not tested: ")
 
 
 @pytest.mark.parametrize(

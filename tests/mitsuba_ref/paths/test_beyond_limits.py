@@ -96,7 +96,7 @@ def test_pixels_beyond_a_limit_are_found_whichever_way_they_are_off(sign):
 
 
 def finding(ours, moved=None, size=0.0, alone=None):
-    """Examine ours beside PATH; a move of a ray's start by `size` or more makes `moved`."""
+    """Compare ours with PATH; a move of a ray's start by `size` or more makes `moved`."""
 
     def trace_led(moves):
         for move in moves:
@@ -283,7 +283,7 @@ def test_causes_name_a_defect_that_the_verdict_names(replayed, monkeypatch, size
     (verdict, *_) = result.partings
     causes = [pixel for pixel in result.listed[:3] if pixel.cause]
     assert len(causes) == 3
-    # one and the same defect, with the same limit, whoever looks
+    # one and the same defect, with the same limit, in every check
     steps = {pixel.parting for pixel in causes if not pixel.parting.within_rounding}
     assert steps
     assert {step.limit for step in steps} == {verdict.limit} == {EXACT}

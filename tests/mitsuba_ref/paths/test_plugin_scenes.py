@@ -4,7 +4,7 @@ A file shows one plugin, or one family, with everything that its properties can 
 the scenes of scenes/: with Mitsuba's random numbers at 1 and at 16 samples, 99.9 % of the
 pixels within 3e-4 and the RMSE of these below 1e-5 of the mean. With numbers of its own
 each renderer must have the same mean, which `make test-all` looks at with eight seeds.
-A proof.toml's `[replay]` table may stand beside a file as NAME.toml, with its reason.
+A proof.toml's `[replay]` table may stand next to a file as NAME.toml, with its reason.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ def test_what_a_verdict_calls_a_defect_is_marked_though_it_is_small(monkeypatch,
     (marked,) = (line for line in output.splitlines() if "<-- first" in line)
     assert marked.split()[:2] == ["unblocked", "light"]
     assert "First difference at bounce 1: unblocked light" in output
-    # one who says a tolerance gets this and no other
+    # a stated tolerance holds, and no other
     assert run("--trace", PIXEL, "--sample", SAMPLE, "--tolerance", "1e-3") == 0
     assert "The paths agree" in capsys.readouterr().out
 

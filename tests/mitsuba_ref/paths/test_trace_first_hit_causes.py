@@ -1,4 +1,4 @@
-"""Divergent pixels of integrators without a trace: is there an edge beside the pixel?"""
+"""Divergent pixels of integrators without a trace: is there an edge next to the pixel?"""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_pixels_beside_an_edge(kind, noun):
 
 
 def test_each_pixel_gets_a_sentence_that_says_why_there_is_no_trace():
-    """Our renderer is asked once, for AOVs and without a replay."""
+    """Our renderer is called once, for AOVs and without a replay."""
     asked = []
 
     def ours(request: RenderRequest) -> OurPicture:

@@ -60,7 +60,7 @@ def test_process_that_dies_is_not_available_and_says_its_last_words(
 
 
 def test_process_that_dies_between_two_renders_says_so_to_the_end(room: Path) -> None:
-    """The request that nobody read must not fail once more when the pipe is closed."""
+    """The request that was never read must not fail once more when the pipe is closed."""
     with TimedMitsuba("scalar_rgb", room, {"width": "6"}, threads=2) as mitsuba:
         mitsuba._process.kill()
         mitsuba._process.wait()

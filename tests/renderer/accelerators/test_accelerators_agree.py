@@ -57,7 +57,7 @@ def test_made_soups(family, made):
     """Any number of triangles, any scale and place, with rays that are hard to decide.
 
     The ends of rays count too: up to just before a hit, up to it, up to just after it. All
-    structures are asked here, as brute force and the rays take longer than most of them.
+    structures are tested here, as brute force and the rays take longer than most of them.
     """
     surfaces = made.triangles(family)
     extents = extents_for("triangles", surfaces)

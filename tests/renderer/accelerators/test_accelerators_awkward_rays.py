@@ -214,7 +214,7 @@ NUMBERS = (np.nan, np.inf, -np.inf)
 def test_rays_that_are_no_rays_miss(name, kind):
     """NaN and infinity in origin, direction or t_max, and zero directions (row 9).
 
-    Each bad ray has 15 good ones beside it in a packet, which must not notice. An infinite
+    Each bad ray has 15 good ones next to it in a packet, which must not notice. An infinite
     t_max is not bad, so only NaN and negative ones are tried there.
     """
     rng = np.random.default_rng(16)

@@ -49,7 +49,7 @@ def test_a_part_of_a_batch(name, surfaces):
 
 @every_name
 def test_a_nearer_hit_of_another_kind_stays(name, surfaces):
-    """Groups are asked one after the other: what is there already must be beaten."""
+    """Groups are intersected one after the other: what is there already must be beaten."""
     accel = proved(name, "triangles", surfaces)
     origin, direction = rays(RAYS)
     before = np.random.default_rng(19).uniform(0, 2, RAYS).astype(np.float32)

@@ -59,7 +59,7 @@ def bytes_of(record: Any) -> int:
 
 @every_name
 def test_the_same_primitives_give_the_same_structure(name):
-    """Bit for bit, so that an image does not depend on who built what when."""
+    """Bit for bit, so that an image does not depend on which thread built what when."""
     surfaces = soup("triangles", 3000, np.random.default_rng(1), size=0.2)
     first, again = (accelerator("triangles", surfaces, name, 9.0) for _ in range(2))
     one, other = arrays_of(first), arrays_of(again)

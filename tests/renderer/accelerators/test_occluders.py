@@ -161,7 +161,7 @@ def passed_by(loaded, accel="auto", offset="tight"):
 
 
 def assert_alike(loaded, offset="tight", seed=0, black=False):
-    """Bit for bit: what is asked for by its name is tested whole."""
+    """Bit for bit: a method requested by its name is tested whole."""
     images = [
         renderer.render(loaded, spp=16, seed=seed, accel=accel, ray_offset=offset).pixels
         for accel in ("auto", "brute")

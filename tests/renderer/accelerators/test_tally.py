@@ -74,7 +74,7 @@ def two_clusters():
 @pytest.mark.parametrize(
     ("start", "end", "expected"),
     [
-        # past both: the root's box is asked, and no more
+        # past both: the root's box is tested, and no more
         ([-5.0, 50, 0], [1.0, 0, 0], {BOXES: 1, NODES: 0, PRIMITIVES: 0, STACK: 0}),
         # through the first alone: the root and one leaf
         ([0.5, 0.1, -0.5], [-1.0, 0, 0], {BOXES: 3, NODES: 2, PRIMITIVES: 8, STACK: 1}),
@@ -163,7 +163,7 @@ def test_mailboxes_save_tests_and_no_hit():
     )
 
 
-# ------------------------------------------------------------------------ nobody counts
+# --------------------------------------------------------------------- without any count
 
 
 @entry_kernel

@@ -60,7 +60,7 @@ def test_tinted_glass_weighs_by_what_it_reflects_and_transmits(side):
 
 
 def test_roulette_keeps_the_mean():
-    """Who survives (60 %) weighs 1 / 0.6 as much; of a white mirror 95 % survive.
+    """A path that survives (60 %) weighs 1 / 0.6 as much; of a white mirror 95 % survive.
 
     2^18 paths each: a mean that is off by 1.1 % (0.32 % of the white one) is found with
     99 %; false alarm rate 1e-5 each.

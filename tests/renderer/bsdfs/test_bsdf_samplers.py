@@ -1,6 +1,6 @@
 """Chi-square tests of the warps and of the BSDFs: directions against their density.
 
-A warp gets 2^20 random points; a BSDF is asked at the stage that renders (`scatter`),
+A warp gets 2^20 random points; a BSDF is sampled at the stage that renders (`scatter`),
 with the renderer's own random numbers, 1024 times at each of 1024 points. Each comparison
 has a false alarm rate of 1e-5 and asserts that it finds a density tilted by 3 % from one
 end to the other with a power of 99 % (tests/probes/chi_square.py). All 14 comparisons here

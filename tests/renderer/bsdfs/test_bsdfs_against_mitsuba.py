@@ -277,7 +277,7 @@ def test_the_albedo_is_mitsubas(name):
 def test_light_finds_its_way_back(name):
     """f(wo, wi) / n_i^2 is symmetric, n_i the index of refraction on the side of wi.
 
-    Of Mitsuba's thin sheets it is not: a facet that passes light on asks for the side of wi
+    Of Mitsuba's thin sheets it is not: a facet that passes light on tests the side of wi
     alone, which leaves out other pairs one way than the other.
     """
     rng, probe = rng_of(name), ours(name)
@@ -299,7 +299,7 @@ def test_light_finds_its_way_back(name):
 
 
 def test_several_tables_in_one_scene():
-    """Each rough plastic looks up its own, whatever others there are beside it."""
+    """Each rough plastic looks up its own, whatever others there are next to it."""
     names = [name for name in SETS if name.startswith("roughplastic")]
     others = tuple(SETS[n] for n in names)
     wo = random_directions(256, np.random.default_rng(1), both_sides=False)

@@ -169,12 +169,12 @@ def test_a_known_brdf_comes_back(file):
 def test_its_twin_in_mitsuba_says_the_same(small):
     """In double precision, written apart: values, densities, directions, weights.
 
-    A table of few cells beside another BSDF, on both sides.
+    A table of few cells next to another BSDF, on both sides.
     """
     ours, theirs = BsdfProbe(merl(small), ({"type": "diffuse"},)), MitsubaProbe(merl(small))
     wo, wi = pairs(2000)
     wo[1::4, 2] *= -1
-    above = wo[:, 2] > 0  # ours is asked from above alone
+    above = wo[:, 2] > 0  # ours is evaluated from above alone
     for a, b in zip(ours.eval_pdf(wo, wi), theirs.eval_pdf(wo, wi), strict=True):
         np.testing.assert_allclose(a, b, rtol=2e-4, atol=2e-6)
     numbers = np.random.default_rng(5).random((2000, 3))

@@ -200,7 +200,7 @@ def test_nestings_that_are_wrong(plugin, content, message):
     [("blendbsdf", ONE * 2, "weight"), ("normalmap", ONE, "normalmap")],
 )
 def test_a_texture_that_is_not_there(plugin, content, name):
-    """Mitsuba 3.9.1 is not asked: most times it refuses these, some times it crashes.
+    """Mitsuba 3.9.1 is not run: most times it refuses these, some times it crashes.
 
     Each of four processes that loaded one of them over and over died within 3000 loads,
     and once the suite saw it load one; with a texture, 27,000 wrong nestings did neither.

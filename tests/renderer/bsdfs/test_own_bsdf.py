@@ -308,7 +308,7 @@ def test_a_mistake_in_a_scene_is_one_line_with_its_place(tmp_path, old, new, sai
     assert message.startswith(f"{path}:{line}: ") and "\n" not in message
 
 
-# ---------------------------------------------------------------------- beside Mitsuba
+# --------------------------------------------------------------------- against Mitsuba
 
 
 def test_it_agrees_with_its_twin_in_mitsuba():

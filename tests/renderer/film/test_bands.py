@@ -66,7 +66,7 @@ def load(name: str) -> renderer.Scene:
 
 @pytest.fixture(params=[1, 2])
 def narrow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bands of so few rows of tiles beside those that are carried on."""
+    """Bands of so few rows of tiles next to those that are carried on."""
 
     def few(shape: FilmShape, room: int) -> int:
         return shape.carried + int(request.param)

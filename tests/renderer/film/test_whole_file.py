@@ -137,7 +137,7 @@ def test_a_link_stays_a_link(written, tmp_path):
 
 
 def test_a_read_only_file_is_refused(written):
-    """For the superuser too, although the system would let him write."""
+    """For the superuser too, whom the system would let write."""
     path, write = written
     path.chmod(0o444)
     with pytest.raises((OSError, SceneError), match="is read-only"):

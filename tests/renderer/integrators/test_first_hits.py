@@ -1,4 +1,4 @@
-"""What the camera meets first: lights that hide, depth, AOVs; beside Mitsuba's numbers."""
+"""What the camera meets first: lights that hide, depth, AOVs; next to Mitsuba's."""
 
 from __future__ import annotations
 

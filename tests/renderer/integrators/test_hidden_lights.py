@@ -113,7 +113,7 @@ METHODS = {
 @pytest.mark.parametrize("hide", [False, True], ids=["shown", "hidden"])
 @pytest.mark.parametrize("method", METHODS)
 def test_pictures_through_holes_are_mitsubas(method, hide, lights):
-    """Seven panes side by side, before and beside lights."""
+    """Seven panes side by side, before and next to lights."""
     camera = sensor((0.3, 0.2, 3), (0, 0, 0), up=(0, 1, 0), fov=60, size=(28, 12), spp=4)
     camera["sampler"] = {"type": "independent", "sample_count": 4}
     panes = [

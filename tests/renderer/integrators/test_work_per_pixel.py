@@ -178,7 +178,7 @@ def test_an_unknown_integrator_lists_this_one_too():
 
 
 def test_a_scene_file_does_not_ask_for_it():
-    """A file says what a picture shows; what it costs is asked of the program."""
+    """A file says what a picture shows; what it costs is the program's option."""
     text = scene_text('<integrator type="work"/>')
     with pytest.raises(SceneError) as refused:
         renderer.render(renderer.load_string(text))

@@ -140,7 +140,7 @@ def test_more_samples_later_are_the_picture_made_at_once(box, path, sampler):
 
 
 def test_a_filter_whose_tiles_overlap_and_a_direct_sum_over_all_lights(tmp_path):
-    """A job is fewer samples where all lights are asked, and sums have borders."""
+    """A job is fewer samples where all lights are sampled, and sums have borders."""
     scene = renderer.load_file(SCENES / "emitters" / "scene.xml", width=40, height=30)
     whole = renderer.render(scene, 100)
     image, _ = in_sittings(scene, tmp_path / "a.ckpt", spp=100)
@@ -228,7 +228,7 @@ def test_a_goal_goes_on_from_either_half_of_each_look(box, path, short):
 
 
 def test_a_time_counts_in_all_sittings(box, path):
-    """What was asked for is over already."""
+    """What was requested is done already."""
     first = renderer.render(box, time_limit=0.2, checkpoint=path)
     before = np.zeros(1)  # what the checkpoint knows; its own writing comes after that
     read_checkpoint(path).read_into({"seconds": before})

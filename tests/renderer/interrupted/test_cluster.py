@@ -1,4 +1,4 @@
-"""Renders on a cluster: the bits of one process, whoever does what, and whoever is lost."""
+"""Renders on a cluster: the bits of one process, whichever worker is lost."""
 
 from __future__ import annotations
 
@@ -563,7 +563,7 @@ def test_a_file_of_plugins_goes_along_by_its_content(monkeypatch, tmp_path):
     plugin_file.import_plugin_file(str(here / "sent_plugin.py"))
     sent = pickle.dumps((PluginFiles(), "a record of its classes"))
     pickle.loads(sent)
-    assert len(plugin_file.imported) == 1  # whoever sent it has it
+    assert len(plugin_file.imported) == 1  # the sender has it
     plugin_file.imported.clear()
     monkeypatch.setenv("LIGHTPROOF_CACHE", str(there))
     pickle.loads(sent)

@@ -1,4 +1,4 @@
-"""Threads that share a row of jobs: every job once, in the order that was asked for."""
+"""Threads that share a row of jobs: every job once, in the requested order."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def test_crews_that_start_at_once_leave_the_stacks_size_alone(monkeypatch):
     def noted(size):
         calls.append(_thread.get_ident())
         before = set_size(size)
-        time.sleep(0.001)  # who may come between does
+        time.sleep(0.001)  # another thread may come between
         return before
 
     monkeypatch.setattr(_thread, "stack_size", noted)

@@ -221,7 +221,7 @@ def check():
 
 
 def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) -> None:
-    """An index names the classes of arguments; who cannot import them compiles anew.
+    """An index names the classes of arguments; a process that cannot import them compiles.
 
     It must not write the index over: the other program still finds its kernel. Nor does it
     import the other program's modules, with all that they do, where it could.
@@ -343,10 +343,10 @@ def test_no_kernel_module_is_left_out_of_the_hash() -> None:
 
 
 def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
-    """What it calls in files beside it is compiled into it: an edit there counts as well.
+    """What it calls in files next to it is compiled into it: an edit there counts as well.
 
     Imports in functions and of whole folders, and of a neighbour's neighbours; a circle
-    ends, and a file with a mistake is left to whoever imports it.
+    ends, and a file with a mistake is left to its importer.
     """
     texts = {
         "mine.py": "import numpy\ndef f():\n    from first.part import g",

@@ -1,6 +1,6 @@
 """Every operator and function of `renderer.kernels.lanes` against NumPy, bit for bit.
 
-NumPy treats a Python number beside an array as lanes treat it: the number takes the
+NumPy treats a Python number next to an array as lanes treat it: the number takes the
 array's element type. So one function body is run twice, on NumPy arrays as plain Python
 and on lanes as a kernel, and the bits must agree.
 """
@@ -62,7 +62,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def numbers(dtype, seed):
-    """Random numbers and every awkward one beside every other, in two shuffled orders."""
+    """Random numbers and every awkward one next to every other, in two shuffled orders."""
     rng = np.random.default_rng(seed)
     if np.issubdtype(dtype, np.floating):
         info = np.finfo(dtype)

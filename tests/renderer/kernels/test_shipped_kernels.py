@@ -103,7 +103,7 @@ def test_where_the_user_keeps_none_the_shipped_are_found(users) -> None:
 
 
 def test_the_users_own_kernels_come_first(users) -> None:
-    """Those of his very processor, once they are there."""
+    """Those of the very processor, once they are there."""
     shutil.move(users / "compiled", users / "away")
     assert run(users, "cache") == "0 hits\n"
     shutil.move(users / "away", users / "compiled")

@@ -76,7 +76,7 @@ def fresh_environment(folder: Path, wheel: Path) -> Path:
     venv.create(folder)
     places = {"base": str(folder), "platbase": str(folder)}
     site = Path(sysconfig.get_path("platlib", "venv", places))
-    for name in PACKAGES:  # linked, so that no index is asked
+    for name in PACKAGES:  # linked, so that no index is queried
         packaged = distribution(name)
         for top in {file.parts[0] for file in packaged.files or ()} - {"..", "__pycache__"}:
             link = site / top

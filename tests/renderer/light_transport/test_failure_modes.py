@@ -1,6 +1,6 @@
 """Rows of the failure modes that have no other home: very near lamps, closed boxes.
 
-The other rows are beside what they are about; docs/ground_truth.md says where.
+The other rows are next to what they are about; docs/ground_truth.md says where.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import renderer
 def test_the_inverse_square_down_to_the_rounding_of_the_floor(half, ray_offset):
     """L = rho I / (pi h^2) for lamps at h = 1 to 10^-5 (row 23), far below the offsets.
 
-    What is left is where float32 puts the point: beside the lamp's foot by up to 3 units of
+    What is left is where float32 puts the point: off the lamp's foot by up to 3 units of
     the floor's half width, delta, and L falls by 1.5 (delta / h)^2. A start of 10^-3 above
     the floor would be wrong by a factor of 4 at h = 10^-3.
     """

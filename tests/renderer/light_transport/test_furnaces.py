@@ -2,7 +2,7 @@
 
 A furnace alone cannot see a wrong distribution of directions (Smits and Jensen, "Global
 Illumination Test Scenes"): the sphere with a lamp off its centre and the lights of
-test_closed_forms.py stand beside it.
+test_closed_forms.py complement it.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def test_radiance_and_density_by_direction(pair):
 
 
 def test_rotations_of_few_digits_are_undone_by_their_inverse(tmp_path):
-    """Their transpose, 1e-4 beside it, gave other texels: light was off by 9e-4 here."""
+    """Their transpose, 1e-4 off, gave other texels: light was off by 9e-4 here."""
     path = write_map(tmp_path / "steep.exr", noise(64, 128))
     few_digits = np.array(turned().matrix, np.float64)
     few_digits[:3, :3] += 4e-5 * np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])

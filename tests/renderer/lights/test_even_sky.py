@@ -44,10 +44,10 @@ def plan_of(*parts, asked="path", settings=None, **choices):
 @pytest.mark.parametrize("method", ["path", "direct"])
 @pytest.mark.parametrize("order", [(sky, sun), (sun, sky)], ids=["sky first", "sun first"])
 def test_an_open_floor_has_no_noise(method, order):
-    """Each sample has rho (L + E cos / pi): the sun is always asked, the sky never.
+    """Each sample has rho (L + E cos / pi): the sun is always sampled, the sky never.
 
-    `path` asks one light at a point, `direct` all of them. One asked by a wrong number, or
-    a sun asked in half of the cases, is seen in the first sample.
+    `path` samples one light at a point, `direct` all. One sampled by a wrong number, or
+    a sun sampled in half of the cases, is seen in the first sample.
     """
     made = {sky: sky(SKY), sun: sun(DOWN, SUN)}
     content = scene(CAMERA, "path", floor(RHO, half=1e3), *(made[k] for k in order))
@@ -57,7 +57,7 @@ def test_an_open_floor_has_no_noise(method, order):
 
 
 def test_three_lights_of_which_two_are_asked():
-    """Two suns alike are each asked in half of the cases, wherever the sky stands."""
+    """Two suns alike are each sampled in half of the cases, wherever the sky stands."""
     suns = sun(DOWN, SUN), sun((0.0, -0.6, -0.8), SUN)
     for parts in ((sky(SKY), *suns), (suns[0], sky(SKY), suns[1]), (*suns, sky(SKY))):
         content = scene(CAMERA, "path", floor(RHO, half=1e3), *parts, max_depth=3)
@@ -101,7 +101,7 @@ def test_what_is_planned_and_compiled(parts, strategy, weigh):
     ids=["uniform", "replay", "no bounce", "whitted", "several", "lights alone"],
 )
 def test_who_samples_it_still(asked, settings, choices):
-    """Mitsuba's estimator, and whoever follows no BSDF samples, or counts on others."""
+    """Mitsuba's estimator, and methods that follow no BSDF samples, or count on others."""
     parts = floor(), sky(), sun(DOWN)
     _, plan = plan_of(*parts, asked=asked, settings=settings, **choices)
     assert not plan.finds_sky
@@ -134,7 +134,7 @@ HALF_HOLE = {"type": "mask", "opacity": 0.5, "inside": diffuse(0.8)}
     ids=["hidden", "holes", "glass"],
 )
 def test_it_is_as_bright_as_when_light_samples_find_it(bsdf, settings):
-    """The mean of a picture by both, with a lamp beside the sky.
+    """The mean of a picture by both, with a lamp next to the sky.
 
     100 pictures of 8 samples by each: at 5 standard errors of the difference a false alarm
     has a chance of 2e-6 for each case and channel, and 2 % of the light would be seen.

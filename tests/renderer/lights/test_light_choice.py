@@ -188,7 +188,7 @@ def few() -> Probe:
 
 @pytest.fixture(scope="module")
 def many() -> Probe:
-    """More than are asked at each point, so that there are trees of several levels."""
+    """More than are sampled at each point, so that there are trees of several levels."""
     return Probe(scene_of(lamps(1200)))
 
 
@@ -355,7 +355,7 @@ def test_a_node_gives_at_least_something_where_a_light_below_does(many):
 
 @pytest.mark.parametrize("which", ["few", "many"])
 def test_a_light_that_is_found_has_the_same_probability(which, request):
-    """Area lights and the sky are asked for with what the choice said of them."""
+    """The probability of an area light or the sky is that with which it is chosen."""
     probe = request.getfixturevalue(which)
     light, probability = probe.choose(PLACES[0])
     prims = np.arange(len(probe.scene.shape))

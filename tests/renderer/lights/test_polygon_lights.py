@@ -1,6 +1,6 @@
 """Lights of any flat outline, in any place: Lambert's sum over edges, cut at the horizon.
 
-Row F of docs/ground_truth.md, beside the triangles of test_closed_forms.py: lights of
+Row F of docs/ground_truth.md, next to the triangles of test_closed_forms.py: lights of
 several triangles, lights that stand through the floor, and Howell's factor for a square
 that stands upright.
 """

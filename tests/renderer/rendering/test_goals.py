@@ -315,7 +315,7 @@ def test_an_interrupt_keeps_the_picture_and_the_last_error(box):
 
 
 def test_a_second_interrupt_is_raised(box, monkeypatch):
-    """While threads still end their jobs: nobody must see sums that they write to."""
+    """While threads still end their jobs: no reader may see sums that they write to."""
     job = RenderJob(box, make_plan(box, spp=64), RenderOptions(threads=2))
     stop = WorkerPool.stop
 

@@ -334,7 +334,7 @@ def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
     files: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(memory, "resident", lambda: 0)
-    monkeypatch.setattr(memory_estimate, "_loaded", True)  # whoever was first
+    monkeypatch.setattr(memory_estimate, "_loaded", True)  # whichever test was first
     scene = renderer.load_string(BOX.format(integrator="", side=20000), base_dir=files)
     with pytest.raises(NotAllowed) as caught:
         renderer.render(scene, memory="4GiB")

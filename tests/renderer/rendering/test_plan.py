@@ -51,7 +51,7 @@ def explained(plan: Plan) -> str:
 
 
 def test_a_path_of_two_segments_is_direct_light():
-    """Camera to surface, surface to light: every light can be asked, none at random."""
+    """Camera to surface, surface to light: every light can be sampled, none at random."""
     plan = plan_of("path", floor(), point_light((0, 0, 1)), max_depth=2)
     assert (plan.method, plan.max_depth, plan.every_light) == ("direct", 2, True)
     assert "method direct: with max_depth <= 2 a path is direct light" in explained(plan)
@@ -104,7 +104,7 @@ def test_importance_sampling_of_two_kinds_needs_lights_that_can_be_hit(max_depth
 
 
 def test_what_shines_alone_needs_no_weights():
-    """One segment: no light is asked for and none is met on the way back."""
+    """One segment: no light is sampled and none is met on the way back."""
     plan = plan_of("path", floor(), LAMP, max_depth=1)
     assert not plan.weigh
     assert "left out multiple importance sampling: with max_depth 1" in explained(plan)
@@ -122,7 +122,7 @@ def test_direct_without_bsdf_samples_weighs_nothing():
 
 
 def test_mirrors_alone_need_no_weights():
-    """Where nothing is diffuse, lights are found by mirror reflection and never asked."""
+    """Where nothing is diffuse, lights are found by mirror reflection and never sampled."""
     shining = sphere(mirror(), center=(0, 0, 3)) | {
         "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
     }
@@ -169,7 +169,7 @@ def test_a_fixed_pattern_is_one_sample_a_pixel_and_said_to_be_exact():
 
 
 def test_an_explicit_integrator_is_taken_at_its_word():
-    """`auto` may choose a lesser method; a name that was asked for is what runs."""
+    """`auto` may choose a lesser method; a requested name is what runs."""
     loaded = renderer.load_dict(
         scene(CAMERA, "path", floor(), point_light((0, 0, 1)), max_depth=2)
     )

@@ -114,7 +114,7 @@ def test_a_density_of_ours_stays(tmp_path, monkeypatch):
     np.testing.assert_allclose(off, 1.001, rtol=1e-5)
     a, b = (probe.sample("sky", np.zeros(3), numbers()) for probe in (wrong, right))
     np.testing.assert_array_equal(a.wi, b.wi)
-    # beside a texel that is 100 times as bright, 0.1 % may be a rounding of the place
+    # next to a texel that is 100 times as bright, 0.1 % may be a rounding of the place
     clear = np.abs(a.pdf / b.pdf - 1.001) < 1e-4
     assert clear.mean() > 0.99
 

@@ -18,7 +18,7 @@ def test_reciprocal_is_within_two_units_in_the_last_place():
     """Both signs, 36 decades. A guess without the Newton step is off by 2^-11 to 2^-14.
 
     Where the guess is the processor's, some last bits are not those of a division: that of
-    SSE, which processors without AVX-512 are asked for, leaves up to 1.92 units.
+    SSE, which processors without AVX-512 use, leaves up to 1.92 units.
     """
     rng = np.random.default_rng(1)
     a = (rng.uniform(1, 2, 4096) * 2.0 ** rng.integers(-60, 61, 4096)).astype(np.float32)

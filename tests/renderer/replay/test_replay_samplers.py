@@ -2,7 +2,7 @@
 
 Rationale: a replay follows Mitsuba's paths only if each draw gives the same float; one
 wrong bit in a key or a permutation gives another picture that looks as good. Setup: the
-installed Mitsuba's own sampler objects beside our records, with the same seeds, through
+installed Mitsuba's own samplers compared with our records, with the same seeds, through
 mixed programs of `next_1d` and `next_2d`. Expectation: equal bits, no tolerance.
 """
 

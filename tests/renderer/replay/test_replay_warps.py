@@ -151,7 +151,7 @@ def mixed_scene(names: list[str]) -> str:
         content += shape(name, k, area_light(k))
         if k % 4 == 1:
             content += shape("cube", 40 + k, GREY)
-        if k == 6:  # seen by nobody, and no place in the order either
+        if k == 6:  # unseen, and without a place in the order
             group = shape("cube", None, GREY)
             content += f'<shape type="shapegroup" id="unused">{group}</shape>'
         if k % 5 == 2:

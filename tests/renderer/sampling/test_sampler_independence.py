@@ -141,7 +141,7 @@ def test_pairs_of_numbers_fill_the_square_evenly(sampler):
 
 @every_sampler
 def test_pairs_across_draws_fill_the_square_evenly(sampler):
-    """Film against light, pixel beside pixel, seed against seed, in each dimension."""
+    """Film against light, pixel against pixel, seed against seed, in each dimension."""
     film = draw(sampler, PIXELS, 0, 0)
     others = [
         draw(sampler, PIXELS, 0, 2),

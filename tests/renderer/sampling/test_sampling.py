@@ -120,7 +120,7 @@ def test_each_number_is_uniform(sampler):
     ["pixel", "row of pixels", "block", "bounce", "seed"],
 )
 def test_neighbours_are_independent(sampler, changed):
-    """|r| < 5 / sqrt(N), and 16 x 16 bins, against the pixel beside, the next block, ..."""
+    """|r| < 5 / sqrt(N), and 16 x 16 bins, against the next pixel, the next block, ..."""
     pixels = np.arange(PIXELS)
     step = {"pixel": 1, "row of pixels": 640}.get(changed, 0)
     block = {"block": 3, "bounce": 2 + 256}.get(changed, 2)
@@ -135,7 +135,7 @@ def test_neighbours_are_independent(sampler, changed):
 
 @every_sampler
 def test_the_same_question_has_the_same_answer(sampler):
-    """In any order and beside any other pixel: nothing is carried on."""
+    """In any order and next to any other pixel: nothing is carried on."""
     pixels = np.random.default_rng(0).permutation(4096)
     forwards = draw(sampler, np.arange(4096), 9, 4)
     np.testing.assert_array_equal(draw(sampler, pixels, 9, 4), forwards[:, pixels])

@@ -1,4 +1,4 @@
-"""A scene reads what lies in its own folder, and nothing else unless somebody allows it."""
+"""A scene reads what lies in its own folder, and nothing else unless the user allows it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WAYS = {
 
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
-    """Return a scene's folder and one beside it, with a mesh each."""
+    """Return a scene's folder and one next to it, with a mesh each."""
     monkeypatch.chdir(tmp_path)
     inside, outside = tmp_path / "scene", tmp_path / "elsewhere"
     for folder in (inside, outside):
@@ -120,7 +120,7 @@ def test_the_folder_of_the_scene_may_be_a_link_and_the_scene_too(folders) -> Non
     path = write(inside, SHAPE.format("mesh.obj"))
     (outside / "again").symlink_to(inside)
     assert scene_file.read_file(outside / "again/scene.xml").shapes
-    (outside / "scene.xml").symlink_to(path)  # its mesh is then the one beside the link
+    (outside / "scene.xml").symlink_to(path)  # its mesh is then the one next to the link
     assert scene_file.read_file(outside / "scene.xml").files[1:] == (
         str(outside / "mesh.obj"),
     )
@@ -215,7 +215,7 @@ class NobodyIsAsked:
     """The references of a comparison that must not reach Mitsuba."""
 
     def render_uncached(self, request: RenderRequest) -> None:
-        raise AssertionError(f"Mitsuba was asked for {request}")
+        raise AssertionError(f"Mitsuba was run for {request}")
 
 
 @pytest.mark.parametrize("name", [name for name in WAYS if name != "folder"])
@@ -236,13 +236,13 @@ def test_what_we_refuse_to_open_mitsuba_does_not_see(folders, name: str) -> None
         ours = NotCompared("refused-by-us", ("our renderer: no velvet",))
         found = with_the_other_side(ours, request, NobodyIsAsked())  # type: ignore[arg-type]
         assert found.verdict == "refused-by-us"
-        assert "Mitsuba was not asked: " in found.other_side
+        assert "Mitsuba was not run: " in found.other_side
         assert f"{path}:2: the file" in found.other_side
 
 
 @pytest.mark.parametrize("place", ["beside", "path", "include", "type"])
 def test_mitsuba_is_given_no_scene_that_brings_code(folders, place: str) -> None:
-    """A library beside the scene would be run, even in the place of a built-in plugin."""
+    """A library next to the scene would be run, even in the place of a built-in plugin."""
     inside, _ = folders
     path = write(
         inside,
@@ -268,11 +268,11 @@ def test_mitsuba_is_given_no_scene_that_brings_code(folders, place: str) -> None
     ours = NotCompared("refused-by-us", ("our renderer: no velvet",))
     request = RenderRequest(str(path))
     found = with_the_other_side(ours, request, NobodyIsAsked())  # type: ignore[arg-type]
-    assert "Mitsuba was not asked: " in found.other_side
+    assert "Mitsuba was not run: " in found.other_side
 
 
 def test_every_scene_here_stays_in_its_folder() -> None:
-    """So nobody who tries them needs an option."""
+    """So that they can be tried without an option."""
     paths = [*Path("scenes").glob("*/scene.xml"), *PLUGINS.glob("*.xml")]
     assert len(paths) > 50
     for path in paths:

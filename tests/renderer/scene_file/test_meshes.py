@@ -55,7 +55,7 @@ def write_ply(
     points: list[tuple[float, ...]] = PLY_POINTS,
     faces: list[tuple[int, ...]] = PLY_FACES,
 ) -> Path:
-    """Write the test mesh with the asked properties; `extra` adds unknown ones."""
+    """Write the test mesh with the requested properties; `extra` adds unknown ones."""
     order = ">" if encoding == "binary_big_endian" else "<"
     names = [(number, name) for name in ("x", "y", "z")]
     rows = [list(point) for point in points]

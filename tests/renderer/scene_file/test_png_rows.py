@@ -1,4 +1,4 @@
-"""A PNG that ends early but properly: Pillow makes up black rows, and nobody may see them.
+"""A PNG that ends early but properly: Pillow makes up black rows, and none may be shown.
 
 Found by a damaged file of the soak: 213 bytes that were a picture of 7 x 16,711,685 pixels.
 """

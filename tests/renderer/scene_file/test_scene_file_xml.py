@@ -329,7 +329,7 @@ def test_comments_are_found_only_where_they_can_begin() -> None:
 @pytest.mark.parametrize(
     ("encoding", "found"),
     [
-        ("utf-7", "the encoding utf-7 is not supported"),  # markup that is none in ASCII
+        ("utf-7", "the encoding utf-7 is not supported"),  # no markup in ASCII
         ("raw_unicode_escape", "the encoding raw_unicode_escape is not supported"),
         ("cp037", "the encoding cp037 is not supported"),
         ("rot13", "the encoding rot13 is not supported"),

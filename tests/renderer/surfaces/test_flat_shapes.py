@@ -59,7 +59,7 @@ def in_float64(surfaces, origin, direction):
 @both
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_random_rays_against_float64(kind, scale):
-    """t, u, v and who is hit, at all but grazing angles and all but at the border."""
+    """t, u, v and which shape is hit, at all but grazing angles and off the border."""
     rng = np.random.default_rng(1)
     hits = 0
     for c, e1, e2 in zip(*shapes(0), strict=True):

@@ -140,7 +140,7 @@ f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1
 
 @pytest.mark.parametrize("distance", [1.0, 30.0, 1e4])
 def test_boxes_hold_what_rounding_finds_outside_of_them(folder, distance):
-    """Thin slanted squares, rays just beside their corners: the way in loses three digits.
+    """Thin slanted squares, rays just outside their corners: the way in loses three digits.
 
     So many a ray hits a square that it passes in the world, by a thousandth of its size.
     Without their padding the boxes lost 1 to 3 % of the hits; at 10000, beyond the reach
@@ -284,7 +284,7 @@ def pair(folder, scene):
 def test_surface_points_are_mitsubas(pair, name):
     """Position, both normals, uv and face, under every transform, mirrored ones too.
 
-    A rectangle's geometric normal is left out: Mitsuba, to whom it is a mesh, differs on
+    A rectangle's geometric normal is left out: Mitsuba makes a mesh of it and differs on
     mirrored ones (test_surface_points.py). One ray in a hundred may graze an edge.
     """
     mine, theirs, same, scene = pair
@@ -352,7 +352,7 @@ def test_the_output_variables_number_shapes_and_faces_as_mitsuba_does(folder):
     ],
 )
 def test_rays_that_leave_an_instance_do_not_meet_it(size, away, thin):
-    """A convex body, turned, stretched, mirrored, turned: whoever leaves outwards is gone.
+    """A convex body, turned, stretched, mirrored, turned: a ray that leaves is gone.
 
     The offset is a bound of the rounding of both ways, into the object's space and back;
     of a slanted disc (`thin`) the way in loses three digits, which shows at its rim.

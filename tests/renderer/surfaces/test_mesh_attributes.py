@@ -250,7 +250,7 @@ def test_attributes_that_paths_cannot_be_multiplied_by(scale: str) -> None:
 
 
 def test_a_colour_where_a_number_is_needed(tmp_path: Path) -> None:
-    """As in Mitsuba; four components are for nobody."""
+    """As in Mitsuba; four components are refused."""
     file = f'<string name="filename" value="{MESH}"/>'
     named = '<string name="name" value="vertex_color"/>'
     found = whole(

@@ -166,7 +166,7 @@ def test_rays_along_the_axis_pass_through():
         a = unit([axis])
         surfaces = cylinders([[0.0] * 3], a, [1.0], [1.0])
         frame = surfaces.frame[:, 0].astype(float).reshape(3, 3)
-        # beside the wall only: in it, rounding decides
+        # next to the wall only: in it, rounding decides
         radii = np.array([0.0, 0.5, 0.99, 1.01, 2.0])
         origin = radii[:, None] * frame[0] - 2 * frame[2]
         for sign in (1.0, -1.0):

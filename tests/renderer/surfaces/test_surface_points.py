@@ -1,7 +1,7 @@
 """Position, normals and uv of every shape against Mitsuba's `ray_intersect`, ray by ray.
 
 One scene holds each kind of shape several times: turned, stretched, mirrored, flipped. The
-rays are random; only those beside a silhouette or an edge may differ.
+rays are random; only those next to a silhouette or an edge may differ.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def test_positions_and_distances(pair, name):
 
 @every_shape
 def test_geometric_normals(pair, name):
-    """A mirrored rectangle: Mitsuba, to whom it is two triangles, turns this normal around.
+    """A mirrored rectangle: Mitsuba makes two triangles of it and turns this normal around.
 
     Ours is the image of the local +z (docs/conventions.md), as the shading normal is in
     both; only the output variable `geo_normal` can tell.

@@ -335,7 +335,7 @@ def test_a_bitmap_by_hand():
 
 
 def test_boards_of_boards():
-    """The children see uv before `to_uv`; asked for a number, each board is swapped."""
+    """The children see uv before `to_uv`; evaluated as a number, each board is swapped."""
     picture = BitmapTexture(colors(5, 3), "nearest", "repeat")
     inner = CheckerboardTexture(rgb(0.25, 0.5, 1), picture, TO_UV["scaled"])
     outer = CheckerboardTexture(inner, rgb(0, 0, 0.5), TO_UV["slanted"])

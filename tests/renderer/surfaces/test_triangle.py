@@ -143,7 +143,7 @@ def test_both_sides_are_hit_and_what_lies_behind_is_not(method, towards):
 
 @pytest.mark.parametrize("method", [0, 1], ids=["plane", "moeller_trumbore"])
 def test_parallel_rays_miss(method):
-    """In the plane, through the triangle or beside it, and above the plane."""
+    """In the plane, through the triangle or past it, and above the plane."""
     rng = np.random.default_rng(2)
     n = 1024
     angle = rng.uniform(0, 2 * np.pi, n)

@@ -279,7 +279,7 @@ def test_axis_parallel_rays_in_the_faces(name):
         direction = unit(SIGNED_ZEROS)
         found = hits(volume, np.array(origin), direction)
         assert found.all(), f"{name}, from {origin}: {direction[~found]} are missed"
-    # and beside it, misses
+    # and next to it, misses
     assert not hits(
         volume, np.array([3.0, 0.0, 0.0]), unit([(0.0, 1, -0.0), (1, 0, 0)])
     ).any()

@@ -17,7 +17,8 @@ from reports.bench.store import newest
 from reports.bench.study import find_study
 from reports.charts.boundary import BoundedCurve, boundary_chart
 from reports.errors import ReportError
-from reports.pages.limits_page import gives_way, limits_page, marked_up
+from reports.look.formatting import marked_up
+from reports.pages.limits_page import gives_way, limits_page
 from reports.studies.limits import MEASURES, PICTURES, STUDY, measure_method
 
 CASES = every_case()
@@ -213,7 +214,7 @@ def test_a_case_has_picture_chart_boundary_and_texts(rows):
     assert case.title in text and marked_up(case.why) in text
     assert "fails from 10<sup>5</sup> on" in text
     assert "no limit up to 10<sup>6</sup>" in text
-    assert len(figures(text)) == 1 and "All of them hold and fail" in text
+    assert len(figures(text)) == 1 and "methods hold and fail" in text
     assert "http" not in text.split('id="plotly"')[0].replace("http-equiv", "")
     assert 'id="sum"' not in text  # it was not measured
 

@@ -208,7 +208,7 @@ def test_threads_change_nothing(
     accel = built_two[1].accel
     for query in queries.values():
         one = tracing.answers(accel, query, query.batches)
-        # u and v of a miss are nobody's: traversals leave them as they are
+        # u and v of a miss mean nothing: traversals leave them as they are
         for row in (query.hits.t, query.hits.prim, query.blocked):
             row[:] = 77
         tracing.trace(accel, query, query.batches, threads=3)

@@ -1,4 +1,4 @@
-"""Shapegroups and instances as the reader sees them, beside what Mitsuba says to them."""
+"""Shapegroups and instances as the reader sees them, compared with what Mitsuba says."""
 
 from __future__ import annotations
 

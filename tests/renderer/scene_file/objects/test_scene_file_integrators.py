@@ -183,7 +183,7 @@ def test_integrators_that_only_we_refuse(plugin: str, content: str, message: str
 
 
 def test_supported_lists_name_every_property() -> None:
-    """The list in the message comes from what the reader asks for; here, all of it."""
+    """The list in the message comes from what the reader looks for; here, all of it."""
     message = error_of(TEXT.format("path", integer("nope", 1)))
     assert message == (
         '<string>:3: integrator "path" has no property "nope"; '
