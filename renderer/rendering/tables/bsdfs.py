@@ -112,8 +112,10 @@ def bsdf_tables(
     look_up = (record_type(bsdfs), INT, INT, work_types().points, INT, INT)
     of_textures = []
     for k, (kind, _) in enumerate(texture_tables):
-        kinds = zip(textures, bsdfs.texture_kind, strict=True)
-        mine = [_of_two_texels(t) if its == k else None for t, its in kinds]
+        mine = [
+            _of_two_texels(t) if bsdfs.texture_kind[i] == k else None
+            for i, t in enumerate(textures)
+        ]
         record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
         requested = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
         of_textures.append(
