@@ -26,7 +26,7 @@ class KnownFault(NamedTuple):
         """Tell whether a difference that begins so may come from it."""
         if self.quantities:
             return quantity in self.quantities
-        return not quantity.startswith("Mitsuba")
+        return not quantity.startswith("Mitsuba") and quantity != "not finite"
 
 
 def _show_emitters(root: Element) -> bool:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
 from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault
-from mitsuba_ref.generate.moved_camera import with_camera_turned
+from mitsuba_ref.generate.moved_camera import AXES, with_camera_turned
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -167,18 +167,23 @@ class Judge:
     ) -> Judgement:
         """Return the class of a scene whose paths cannot be traced, by turns of its camera.
 
-        Rounding explains a pixel that they make diverge, or change as much as it differs.
+        Rounding explains a pixel that they change as much as it differs, and one that most
+        of them make equal: a wrong formula stays wrong.
         """
         path = Path(request.path)
-        change = np.zeros(ours.shape[:2])
+        change, equal = np.zeros(ours.shape[:2]), np.zeros(ours.shape[:2])
+        differs = relative_difference(ours, theirs)
+        limit = np.where(differs > TOLERANCE, TOLERANCE, ROUNDED)
         for root in with_camera_turned(ElementTree.parse(path).getroot()):
             turned = path.with_name("turned.xml")
             turned.write_text(scene_text(root), encoding="utf-8")
             moved = replace(request, path=str(turned), box_filter=True, replay=True)
             again = self._render_ours(moved).pixels
             change = np.fmax(change, relative_difference(again, ours))
-        differs = relative_difference(ours, theirs)
+            reference = self._references.get(moved, read_scene(moved).files)
+            equal += relative_difference(again, reference.pixels) <= limit
         explained = (change > TOLERANCE) | (differs <= ROUNDED + change)
+        explained |= equal > AXES / 2
         if explained.all():
             return replace(found, verdict=EDGE if differs.max() > TOLERANCE else AMPLIFIED)
         left = np.where(explained, 0.0, differs)

@@ -20,6 +20,9 @@ from renderer.kernels.lanes.vectors import gather_rows3, select3, vec3
 from renderer.plugins.media.free_flight import mean
 from renderer.replay.media.record import CHANNEL, PASSED
 
+# 1 / x of a smaller one may be infinite. Its threads round such numbers to 0.
+_LEAST = np.float32(2.0**-126)
+
 
 class Collision(NamedTuple):
     """What 16 tentative collisions meet, and are: null, or real."""
@@ -157,6 +160,13 @@ def rcp(x, mask):
 
 
 @kernel
+def rcp_or_zero(x):
+    """Return 1 / x of numbers of at least 0; 0 for 0 and for what Mitsuba counts as 0."""
+    usable = x >= _LEAST
+    return select(usable, rcp(x, usable), splat_f32(0.0))
+
+
+@kernel
 def grey(x):
     """Return the colour with three components x."""
     return vec3(x, x, x)
@@ -214,8 +224,7 @@ def _raised(carried, survival, mask):
 @kernel
 def _after_flight(carried, passed, density, mask):
     pdf = of_channel(density, carried.channel)
-    usable = pdf > 0.0
-    return _times(carried, passed * select(usable, rcp(pdf, usable), splat_f32(0.0)), mask)
+    return _times(carried, passed * rcp_or_zero(pdf), mask)
 
 
 @after_collision.by(Throughput)

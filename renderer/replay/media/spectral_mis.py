@@ -44,6 +44,7 @@ from renderer.replay.media.carried import (
     passed_to_light,
     raised,
     rcp,
+    rcp_or_zero,
     scatter3,
     throughput_to_light,
     worth,
@@ -91,12 +92,11 @@ def _weighed(carried, weights, p, f, mask):
     p = select3(carried.one, grey(of_channel(p, carried.channel)), p)
     densities = weights.densities * p
     sum_of_them = mean(densities)
-    usable = sum_of_them > 0.0
-    inverse = select(usable, rcp(sum_of_them, usable), splat_f32(0.0))
+    inverse = rcp_or_zero(sum_of_them)
     throughput = weights.throughput * f * inverse
     return Weights(
         select3(mask, throughput, weights.throughput),
-        select3(mask & usable, densities * inverse, weights.densities),
+        select3(mask & (inverse > 0.0), densities * inverse, weights.densities),
     )
 
 
