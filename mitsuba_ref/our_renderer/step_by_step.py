@@ -48,8 +48,8 @@ class StepByStep:
         self._job = job  # it keeps alive what the kernels' records point to
         self._record = record = job.kernel_scene
         self._film = job.scene.description.camera.film
-        # The same code as the render's: only the depth at which roulette begins differs.
-        certain = record.settings._replace(roulette_depth=NO_LIMIT)
+        # The same code as the render's: only the depths at which roulette begins differ.
+        certain = record.settings._replace(roulette_depth=NO_LIMIT, dim_depth=NO_LIMIT)
         self._scene = pack(record)
         self._without_roulette = pack(record._replace(settings=certain))
         self._light_names = light_names(job)

@@ -86,7 +86,7 @@ class ScatterProbe:
         scene = renderer.load_dict(content)
         depth = 1 if roulette else NO_LIMIT
         inputs = Inputs(scene, make_plan(scene, integrator="path"))
-        self.inputs = inputs.with_settings(roulette_depth=depth)
+        self.inputs = inputs.with_settings(roulette_depth=depth, dim_depth=depth)
 
     def _filled(self, inputs: Inputs, wo: Array, normal: Any) -> Workspace:
         """Return a workspace with points seen from `wo`, on shape 0."""

@@ -253,7 +253,7 @@ def explain_roulette(plan: Plan, why: Explanation) -> None:
         text = f"Russian, from segment {plan.roulette_depth} on"
         if plan.dim_depth is not None:
             least = f"1/{plan.survival_scale:.0f}"
-            text += f"; of paths that carry less than {least} from segment {plan.dim_depth}"
+            text += f"; a path of less throughput than {least} may end before"
         why.say("roulette", text)
     else:
         why.say("left out", f"Russian roulette: {plan.no_roulette}")

@@ -81,7 +81,7 @@ def test_dim_paths_may_end_before_roulette_begins():
     loaded = renderer.load_dict(scene(CAMERA, "path", floor(), LAMP))
     plan = make_plan(loaded)
     assert (plan.roulette_depth, plan.dim_depth, plan.survival_scale) == (5, 1, 4.0)
-    assert "; of paths that carry less than 1/4 from segment 1" in explained(plan)
+    assert "; a path of less throughput than 1/4 may end before" in explained(plan)
     for options in ({"integrator": "path"}, {"sampler": "mitsuba"}):
         whole = make_plan(loaded, **options)
         assert (whole.dim_depth, whole.survival_scale) == (None, 1.0)
