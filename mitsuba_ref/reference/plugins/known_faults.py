@@ -210,7 +210,8 @@ def wrong_by(changes: tuple[str, ...]) -> str:
     why = next((c.removeprefix(VOLPATH) for c in changes if c.startswith(VOLPATH)), "")
     if why:
         wrong.append(
-            f"in the weights of volpathmis: {why}; with volpath in its place on its side"
+            f"in the weights of its paths in media: {why}; with volpath and spectral "
+            "extinction on its side"
         )
     if not wrong:
         return ""

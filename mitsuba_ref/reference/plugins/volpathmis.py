@@ -66,13 +66,16 @@ def _takes_one_density(description: SceneDescription, integrator: Integrator) ->
     return integrator.mis_densities == 1
 
 
+OF_MEDIA = WrongWeights(
+    "without has_spectral_extinction colours share one extinction", _leaves_colours_out
+)
+"""A fault of `volpath` too."""
+
 FAULTS = (
     WrongWeights("Russian roulette counts for one of two ways to a light", _plays_roulette),
     WrongWeights("tinted panes count for one of two ways to a light", _has_tinted_panes),
     WrongWeights("lamps that light passes weigh what is behind them", _has_clear_lamps),
-    WrongWeights(
-        "without has_spectral_extinction colours share one extinction", _leaves_colours_out
-    ),
+    OF_MEDIA,
     WrongWeights(
         "without use_spectral_mis a colour of 0 makes all of them 0", _takes_one_density
     ),
@@ -80,9 +83,10 @@ FAULTS = (
 
 
 def faults_of(description: SceneDescription) -> str:
-    """Return how `volpathmis` may be wrong in a scene; empty: not at all."""
+    """Return how `volpath` or `volpathmis` may be wrong in a scene; empty: not at all."""
     integrator = description.integrator.nested or description.integrator
-    if integrator.mis_densities == 0:
+    if integrator.name != "volpath":  # `volpathmis` is read as it, too
         return ""
-    there = [fault.words for fault in FAULTS if fault.there(description, integrator)]
+    faults = FAULTS if integrator.mis_densities else (OF_MEDIA,)
+    there = [fault.words for fault in faults if fault.there(description, integrator)]
     return ", and ".join(there)

@@ -50,11 +50,12 @@ TINTED = """
 <shape type="sphere"><float name="radius" value="2"/><bsdf type="thindielectric">
 <rgb name="specular_transmittance" value="0.3"/></bsdf></shape>"""
 ONE_DENSITY = '<boolean name="use_spectral_mis" value="false"/>'
+OF_MEDIA = "without has_spectral_extinction"  # a fault of `volpath` too
 WRONG = {
     "Russian roulette": {"roulette": 1, "spp": 1024, "scale": 5.0, "albedo": 0.8},
     "tinted panes": {"shapes": FLOOR + TINTED},
     "lamps that light passes": {"shapes": FLOOR + CLEAR},
-    "without has_spectral_extinction": {"sigma_t": "0.9, 0.5, 0.1", "spectral": "false"},
+    OF_MEDIA: {"sigma_t": "0.9, 0.5, 0.1", "spectral": "false"},
     "without use_spectral_mis": {
         "more": ONE_DENSITY,
         "shapes": '<shape type="rectangle"><bsdf type="diffuse">'
@@ -84,12 +85,16 @@ def result_of(path, references, render=render_ours):
     return validate_scene(path, Options(replay=(4,)), render, references).result
 
 
-@pytest.mark.parametrize("words", WRONG)
-def test_its_faults_are_a_verdict_of_their_own(words, references, tmp_path):
+@pytest.mark.parametrize(
+    ("words", "plugin"),
+    [*((words, "volpathmis") for words in WRONG), (OF_MEDIA, "volpath")],
+)
+def test_its_faults_are_a_verdict_of_their_own(words, plugin, references, tmp_path):
     """Ours is right: Mitsuba's `volpath` agrees. The replay follows the fault."""
-    result = result_of(scene_file(tmp_path, **WRONG[words]), references)
+    path = scene_file(tmp_path, **WRONG[words], plugin=plugin)
+    result = result_of(path, references)
     assert result.verdict == "reference-wrong", result.reasons
-    assert f"in the weights of volpathmis: {words}" in result.reasons[0]
+    assert f"in the weights of its paths in media: {words}" in result.reasons[0]
     assert all(replay.passed for replay in result.replay) and result.replay
 
 
@@ -120,4 +125,5 @@ def test_a_fault_is_named_where_it_may_be(words):
     assert named() == ""
     assert named(**WRONG[words]).startswith(words)
     if words != "without use_spectral_mis":  # volpath has no such property
-        assert named(**WRONG[words], plugin="volpath") == ""
+        of_both = named(**WRONG[words], plugin="volpath")
+        assert (of_both != "") == (words == OF_MEDIA)
