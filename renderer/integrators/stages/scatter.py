@@ -22,7 +22,7 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
 )
 from renderer.kernels.lanes.memory import append_row, load_row
-from renderer.kernels.lanes.vectors import append3, load3
+from renderer.kernels.lanes.vectors import append3, load3, vec3
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
     DRAW,
@@ -55,7 +55,8 @@ def survive(settings, depth, throughput, eta, number, alive):
         return alive, throughput
     survival, most = largest(throughput) * eta * eta, MOST_SURVIVAL
     if depth < settings.roulette_depth:
-        survival, most = fabs(survival), np.float32(1.0)
+        size = vec3(fabs(throughput.x), fabs(throughput.y), fabs(throughput.z))
+        survival, most = largest(size) * eta * eta, np.float32(1.0)
     survival = minimum(survival * settings.survival_scale, splat_f32(most))
     return alive & (number < survival), throughput / survival
 

@@ -29,7 +29,7 @@ from renderer.plugins.bsdfs.normalmap import (
     facing,
     frame_along,
     normal,
-    sample_turned,
+    sample,
     turned_frame,
 )
 from renderer.plugins.bsdfs.parameters import (
@@ -106,19 +106,12 @@ def _turned_frame(bumped, wo):
     return frame_along(facing(bumped, wo, local), select3(there, dp_du, s))
 
 
-@kernel
-def _sample(bumped, wo, numbers):
-    """Sample what is inside in its own frame; here black samples keep their density."""
-    s, _ = sample_turned(bumped, wo, numbers)
-    return s
-
-
 BUMP_MAP = BsdfKind(
     "bumpmap",
     Bumped,
     read,
     "with bumps of an image",
-    _sample,
+    sample,
     eval_pdf,
     albedo=albedo,
     normal=normal,

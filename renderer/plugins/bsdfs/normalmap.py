@@ -105,29 +105,20 @@ def _shadowing(parameters, n, wi):
 
 
 @kernel
-def sample_turned(turned, wo, numbers):
-    """Sample what is inside in its own frame; return where a normal map has a density, too.
-
-    Impossible directions are black. The density, which no picture shows, is Mitsuba's: a
-    replay of `volpathmis` draws once more after a black sample that has one.
-    """
+def sample(turned, wo, numbers):
+    """Sample what is inside in its own frame."""
     frame, there = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
     possible = there & (wi.z * chosen.wi.z > 0.0)
     weight = chosen.weight * _shadowing(turned, frame.n, wi)
-    c = chosen.weight
-    dark = (c.x == 0.0) & (c.y == 0.0) & (c.z == 0.0)
-    weight = select3(possible, weight, black())
-    drawn = BsdfSample(wi, weight, chosen.pdf, chosen.eta, chosen.lobe)
-    return drawn, possible | dark
-
-
-@kernel
-def sample(turned, wo, numbers):
-    """Sample what is inside in its own frame; no density where the direction cannot be."""
-    s, kept = sample_turned(turned, wo, numbers)
-    return BsdfSample(s.wi, s.weight, select(kept, s.pdf, 0.0), s.eta, s.lobe)
+    return BsdfSample(
+        wi,
+        select3(possible, weight, black()),
+        select(possible, chosen.pdf, 0.0),
+        chosen.eta,
+        chosen.lobe,
+    )
 
 
 @kernel
