@@ -5,6 +5,9 @@ tests/plugins/{null,mask,blendbsdf,normalmap,bumpmap,nesting}.xml take Mitsuba's
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+
 import numpy as np
 import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, random_directions, seen_under
@@ -15,7 +18,8 @@ from small_scenes import floor, pixels, rectangle, scene, sensor, sphere
 
 import renderer
 from renderer.errors import SceneError
-from renderer.plugins.bsdfs.kind import SMOOTH
+from renderer.plugins import bsdfs
+from renderer.plugins.bsdfs.kind import SMOOTH, BsdfKind
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
 
@@ -140,6 +144,22 @@ def test_a_normal_without_length_reflects_nothing():
 def bsdf_of(bsdf):
     content = {"type": "scene", "camera": CAMERA, "shape": {"type": "sphere", "b": bsdf}}
     return renderer.load_dict(content).description.shapes[0].bsdf
+
+
+def test_what_samples_a_nested_bsdf_belongs_to_one_kind():
+    """A kernel that two kinds share is recursive where these stand in each other.
+
+    Then Numba leaves its symbol unresolved if an inner one is not compiled first.
+    """
+    nested, registered, found = {"sample_nested", "eval_pdf_nested"}, set(), set()
+    for each in pkgutil.iter_modules(bsdfs.__path__, f"{bsdfs.__name__}."):
+        for value in vars(importlib.import_module(each.name)).values():
+            if isinstance(value, BsdfKind):
+                registered |= {value.sample, value.eval_pdf}
+            code = getattr(getattr(value, "py_func", None), "__code__", None)
+            if code is not None and nested & set(code.co_names):
+                found.add(value)
+    assert len(found) >= 10 and found <= registered
 
 
 def test_a_structure_is_named_as_a_function():
