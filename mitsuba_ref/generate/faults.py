@@ -289,7 +289,7 @@ KNOWN_FAULTS = (
     KnownFault("a picture on a turned sphere is sampled elsewhere", _turn_lamps_back),
     KnownFault("numbers of ldsampler never end a path", _end_paths, ("MitsubaTimeout",)),
     KnownFault("sh_normal of a bump map", _show_no_normals_of_bumps, ("picture",)),
-    KnownFault("a point on a curve lies beside its ray", _leave_out_curves),
+    KnownFault("a point on a curve lies off its ray", _leave_out_curves),
     KnownFault("points of small cylinders are off the surface", _leave_out_small_cylinders),
     KnownFault("numbers without jitter on the edge of a choice", _jitter),
     KnownFault("bumps on a shape without u and v", _take_bumps_off_shapes_without_uv),

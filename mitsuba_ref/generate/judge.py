@@ -110,16 +110,29 @@ class Judge:
 
         A difference is a known fault's if the scene without what brings it about has none.
         """
-        found = self._judge(scene)
+        return self._explained(scene, self._judge(scene), set())
+
+    def _explained(self, scene: DrawnScene, found: Judgement, tried: set[str]) -> Judgement:
+        """Return what was found of a scene, or the known faults that explain it.
+
+        One fault is left out alone, then several. `tried` has the texts of the scenes that
+        were judged: the same faults in another order leave the same scene.
+        """
         if found.verdict not in UNCLASSED:
             return found
-        without = list(_without_faults(scene, found.quantity))
-        for judge in (self._judge, self.judge):  # one fault alone, then several
-            for fault, undone in without:
-                after = judge(undone)
+        left = []
+        for fault, undone in _without_faults(scene, found.quantity):
+            if (text := scene_text(undone.root)) not in tried:
+                tried.add(text)
+                after = self._judge(undone)
                 if after.verdict not in UNCLASSED:
-                    more = f", {after.quantity}" if after.verdict == FAULT else ""
-                    return replace(found, verdict=FAULT, quantity=fault.name + more)
+                    return replace(found, verdict=FAULT, quantity=fault.name)
+                left.append((fault, undone, after))
+        for fault, undone, after in left:
+            more = self._explained(undone, after, tried)
+            if more.verdict not in UNCLASSED:
+                names = f"{fault.name}, {more.quantity}"
+                return replace(found, verdict=FAULT, quantity=names)
         return found
 
     def _judge(self, scene: DrawnScene) -> Judgement:

@@ -9,7 +9,7 @@ import pytest
 
 from mitsuba_ref.generate.drawing import DrawnScene
 from mitsuba_ref.generate.files import png_bytes
-from mitsuba_ref.generate.judge import AGREE, FAULT, Judge
+from mitsuba_ref.generate.judge import AGREE, FAULT, UNKNOWN, Judge, Judgement
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from mitsuba_ref.replay.explained_pixel import _begin_apart
@@ -83,3 +83,22 @@ def test_a_number_that_one_side_does_not_draw_shifts_nothing():
     """Ours has none for the time of an open shutter."""
     assert not _begin_apart({"film x": 0.5}, {"film x": 0.5, "time": 0.1})
     assert _begin_apart({"film x": 0.5}, {"film x": 0.25, "time": 0.1})
+
+
+def test_no_scene_is_judged_twice(monkeypatch, tmp_path):
+    """The same faults left out in another order are the same scene: 2^4, not e 4!."""
+    content = """<shape type="linearcurve"/><shape type="cylinder">
+<float name="radius" value="0.01"/></shape><emitter type="sunsky">
+<boolean name="complex_sun" value="true"/></emitter><sampler type="stratified">
+<boolean name="jitter" value="false"/><integer name="sample_count" value="4"/></sampler>"""
+    drawn = scene("path", content)
+    judged = []
+
+    def judge(self, one):
+        judged.append(ET.tostring(one.root))
+        return Judgement(UNKNOWN, "")
+
+    monkeypatch.setattr(Judge, "_judge", judge)
+    found = Judge(None, None, tmp_path).judge(drawn)
+    assert found.verdict == UNKNOWN
+    assert len(judged) == len(set(judged)) >= 16
