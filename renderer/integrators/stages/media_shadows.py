@@ -38,7 +38,7 @@ from renderer.kernels.lanes.vectors import (
     select3,
     store3,
 )
-from renderer.kernels.records.batch import Workspace
+from renderer.kernels.records.batch import with_rays_and_points
 from renderer.kernels.records.kernel_scene import (
     DRAW,
     FIRST_BSDF,
@@ -66,27 +66,6 @@ def let_through(bsdf, points, start, stop):
         passed = straight_through(parameters_at(bsdf.form, points, i), wo)
         throughput = load3(points.throughput, i)
         store3(points.throughput, i, select3(mine, throughput * passed, throughput))
-
-
-@kernel
-def with_rays_and_points(work, rays, hits, points, order, ends):
-    """Return the same workspace, but stages read and write these rays and points."""
-    return Workspace(
-        rays,
-        hits,
-        work.shadow_rays,
-        points,
-        work.light_samples,
-        work.film,
-        work.numbers,
-        order,
-        ends,
-        work.radiance,
-        work.splats,
-        work.waiting,
-        work.tally,
-        work.media,
-    )
 
 
 # ----------------------------------------------------------------------------- the walk

@@ -31,9 +31,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.numbers_and_warps import (
-    BLOCKS_PER_BOUNCE,
-)
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
 MOST_SURVIVAL = np.float32(0.95)  # a path never survives roulette for certain
 
@@ -115,6 +113,13 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
 @kernel
 def scatter(scene, tile, sample, bounce, work):
     """Send the paths on from their surface points; return how many go on."""
+    block = 1 + bounce * BLOCKS_PER_BOUNCE
+    return scatter_by(scene, tile, sample, block, bounce, work)
+
+
+@kernel
+def scatter_by(scene, tile, sample, block, bounce, work):
+    """Do so by a block of random numbers; before bounce 0 there is no roulette."""
     methods, points, ends = scene.bsdfs.methods, work.points, work.ends
     kinds = methods.shape[0]
     call(
@@ -123,7 +128,7 @@ def scatter(scene, tile, sample, bounce, work):
         (
             tile,
             sample,
-            1 + bounce * BLOCKS_PER_BOUNCE,
+            block,
             points.slot,
             ends[kinds],
             work.numbers,

@@ -264,6 +264,29 @@ class MediaWork(NamedTuple):
     rest: NDArray[np.float32]
 
 
+class GlassWork(NamedTuple):
+    """What light samples through glass need; empty where there are none."""
+
+    # of each path, if only glass has been in its way since a smooth lobe: the light that
+    # it had ahead then, or `NO_AIM`, `SKY_AIM`; and the weight of finding that light so
+    aim: NDArray[np.int32]  # (slots,)
+    share: NDArray[np.float32]  # (slots,)
+    # of each light sample: the light, by slot; and by point, whether glass is in its way
+    sampled: NDArray[np.int32]  # (slots,)
+    crosses: NDArray[np.int32]  # (n,)
+    # samples on their way
+    rays: Rays
+    hits: Hits
+    points: SurfacePoints
+    order: NDArray[np.int32]
+    ends: NDArray[np.int64]
+    density: NDArray[np.float32]  # (2, n) [1/sr] by ray, and by point
+
+
+NO_AIM = np.int32(-1)
+SKY_AIM = np.int32(-2)
+
+
 class Workspace(NamedTuple):
     """All arrays that one thread works in."""
 
@@ -282,6 +305,7 @@ class Workspace(NamedTuple):
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: not counted
     media: MediaWork
+    glass: GlassWork
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:
@@ -372,6 +396,24 @@ def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> Media
     )
 
 
+def _glass_work(capacity: int, slots: int, kinds: int, parameters: int) -> GlassWork:
+    """Return the arrays for batches of `capacity` paths; 0 for none of them."""
+    n = 2 * capacity
+    met = _numbers(slots)
+    return GlassWork(
+        _numbers(slots),
+        _row(slots),
+        _numbers(slots),
+        _numbers(n),
+        _rays(capacity, False, met),
+        _hits(capacity),
+        _points(n, parameters, False, met),
+        _numbers(n),
+        np.zeros(kinds + 1, np.int64),
+        _rows(2, n),
+    )
+
+
 def make_workspace(
     *,
     ray_capacity: int = CAPACITY,
@@ -385,6 +427,7 @@ def make_workspace(
     splat_size: int = 0,
     slots: int = CAPACITY,
     media: bool = False,
+    glass: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -413,6 +456,8 @@ def make_workspace(
         Samples of a tile that are added to its sums together: of one batch or more.
     media : bool
         Whether paths go through participating media.
+    glass : bool
+        Whether light samples go through glass.
     """
     met = _numbers(slots)
     rays = _rays(ray_capacity, previous_points, met)
@@ -444,4 +489,27 @@ def make_workspace(
         np.zeros(depths, np.int64),
         make_tally(ray_capacity) if counted else None,
         _media_work(capacity if media else 0, slots if media else 0, kinds, parameters),
+        _glass_work(capacity if glass else 0, slots if glass else 0, kinds, parameters),
+    )
+
+
+@kernel
+def with_rays_and_points(work, rays, hits, points, order, ends):
+    """Return the same workspace, but stages read and write these rays and points."""
+    return Workspace(
+        rays,
+        hits,
+        work.shadow_rays,
+        points,
+        work.light_samples,
+        work.film,
+        work.numbers,
+        order,
+        ends,
+        work.radiance,
+        work.splats,
+        work.waiting,
+        work.tally,
+        work.media,
+        work.glass,
     )

@@ -42,6 +42,7 @@ LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 DERIVE = 1
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
+LAMP_DENSITY, SKY_DENSITY = 4, 5
 # the choice of one of several lights
 CHOOSE_BY_IMPORTANCE, WEIGH_FOUND = 1, 2
 # the sensor
@@ -134,6 +135,7 @@ class Settings(NamedTuple):
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)
     before_light: float  # shadow rays end at this part of the way to the light
+    glass: int  # bits of `Primitives.stages`: glass that light samples go through
 
 
 class KernelScene(NamedTuple):
@@ -153,3 +155,6 @@ class KernelScene(NamedTuple):
     hooks: Methods  # AFTER_CAMERA_RAYS, ...
     settings: Settings
     media: Media
+    # where light samples go through glass: that alone, and the area lights alone
+    glass_groups: Methods
+    lamp_groups: Methods

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel, method_kernel, table_columns
 from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
-from renderer.kernels.lanes.memory import gather_row, load_row
+from renderer.kernels.lanes.memory import gather_row, load_row, store_where
 from renderer.kernels.lanes.vectors import dot, gather_vectors, length, load3
 from renderer.plugins.lights.kind import (
     LightPlugin,
@@ -84,16 +84,33 @@ def _emitted(areas, kind, points, i, light, mask):
     return gather_vectors(areas.radiance, light, mask), pdf
 
 
+@kernel
+def _shining(kind, shapes, points, i, count):
+    """Return the lights of points i to i + 15, and a mask of those of a kind that shine."""
+    valid = first_lanes(count - i)
+    light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
+    lamp = valid & (light >= 0)
+    mine = lamp & (gather_row(kind.kind, 0, light, lamp) == kind.index)
+    return light, mine & (dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)
+
+
+@method_kernel
+def lamp_densities(kind, settings, lights, shapes, points, count, density):
+    """Store the density [1/sr] of the light samples that would go to `count` points."""
+    probability = light_probability(lights, settings)
+    for i in range(0, count, 16):
+        light, shining = _shining(kind, shapes, points, i, count)
+        if mask_bits(shining) != 0:
+            _, pdf = emitted_light(kind.lights, kind, points, i, light, shining)
+            store_where(density, 1, i, pdf * probability, shining)
+
+
 @method_kernel
 def add_emission(kind, settings, lights, shapes, points, count, radiance):
     """Add L_e of the lights of one kind that `count` paths have hit."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
-        valid = first_lanes(count - i)
-        light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
-        lamp = valid & (light >= 0)
-        mine = lamp & (gather_row(kind.kind, 0, light, lamp) == kind.index)
-        shining = mine & (dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)
+        light, shining = _shining(kind, shapes, points, i, count)
         if mask_bits(shining) == 0:
             continue
         color, light_pdf = emitted_light(kind.lights, kind, points, i, light, shining)

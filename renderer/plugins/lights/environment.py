@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, select, splat_f32
-from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.memory import load_row, store_where
 from renderer.kernels.lanes.vectors import column, load3, select3, vec3
 from renderer.plugins.lights.kind import (
     STRETCH,
@@ -81,3 +81,14 @@ def add_environment(kind, settings, lights, rays, hits, first, count, radiance):
         weight = bsdf_sample_weight(settings, pdf, light_pdf * probability)
         carried = load3(rays.throughput, i) * weight * color
         add_lanes(radiance, load_row(rays.slot, 0, i), carried, missed)
+
+
+@method_kernel
+def sky_densities(kind, settings, lights, rays, hits, count, density):
+    """Store the density [1/sr] of the light samples that go along rays that hit nothing."""
+    probability = light_probability(lights, settings) * np.float32(kind.sampled)
+    for i in range(0, count, 16):
+        missed = first_lanes(count - i) & (load_row(hits.prim, 0, i) < 0)
+        if mask_bits(missed) != 0:
+            _, pdf = environment_light(kind.lights, load3(rays.direction, i), missed)
+            store_where(density, 0, i, pdf * probability, missed)

@@ -37,6 +37,7 @@ from renderer.scene.light_properties import (
     has_extended_lights,
     has_lights_outside_their_samples,
 )
+from renderer.scene.panes import has_panes
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -221,6 +222,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         light_choice=choice,
         finds_sky=finds_sky,
     )
+    if case.reduce and not as_mitsuba and _may_go_through_glass(scene, plan):
+        plan = dataclasses.replace(plan, through_glass=True)
+        why.say("glass", "light samples go through it: there are panes")
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     if plan.kind.splits and plan.mirrors:
@@ -244,6 +248,21 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     random = decision.random and depth > 1
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
+
+
+def _may_go_through_glass(scene: Scene, plan: Plan) -> bool:
+    """Return whether light samples are to go through glass, and can."""
+    return (
+        plan.kind.trace_through_glass is not None
+        and plan.weigh
+        and plan.mirrors
+        and plan.caustics
+        and plan.strategy == "both"
+        and not plan.transparent
+        and plan.max_depth > 3  # camera, surface, both sides of a pane, light
+        and scene.placements is None
+        and has_panes(scene)
+    )
 
 
 def _check_tree(scene: Scene) -> None:

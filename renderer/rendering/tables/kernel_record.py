@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import (
     accelerators_of_camera,
+    accelerators_of_glass,
+    accelerators_of_lamps,
     accelerators_of_shadow_rays,
     build_accelerators,
 )
@@ -65,6 +67,7 @@ from renderer.scene.light_properties import (
 )
 from renderer.scene.light_tables import light_tables
 from renderer.scene.media_tables import media_tables
+from renderer.scene.panes import glass_stages
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
 
@@ -165,6 +168,13 @@ class _SceneTables:
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
 
+        glass_groups = lamp_groups = tables.table([], 2)
+        if plan.through_glass:
+            whole = scene, accel, plan.rays, accelerators
+            panes = accelerators_of_glass(*whole, settings.glass)
+            glass_groups = shadow_methods(tables, panes, True)
+            lamp_groups = group_methods(tables, accelerators_of_lamps(*whole), plan)
+
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
             choice = scene.once(
@@ -187,6 +197,7 @@ class _SceneTables:
                 choice,
                 plan.caustics,
                 sampled,
+                plan.through_glass,
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
@@ -218,6 +229,8 @@ class _SceneTables:
             _hooks(tables, hooks, settings, placements),
             settings,
             media_tables(scene.description if plan.kind.media else None),
+            glass_groups,
+            lamp_groups,
         )
 
 
@@ -250,6 +263,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         plan.offset.rounding,
         plan.offset.fixed,
         1.0 - plan.offset.light_gap,
+        glass_stages(scene) if plan.through_glass else 0,
     )
 
 

@@ -14,13 +14,17 @@ from renderer.integrators.stages.emission import (
 )
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
-from renderer.plugins.lights.area import add_emission, emitted_light
+from renderer.plugins.lights.area import add_emission, emitted_light, lamp_densities
 from renderer.plugins.lights.choice import (
     LightChoice,
     choose_by_importance,
     weigh_found_lights,
 )
-from renderer.plugins.lights.environment import add_environment, environment_light
+from renderer.plugins.lights.environment import (
+    add_environment,
+    environment_light,
+    sky_densities,
+)
 from renderer.plugins.lights.kind import LightKind, sample_lights_of
 from renderer.plugins.lights.light_tree import light_choice
 from renderer.plugins.lights.registry import plugin_of
@@ -42,7 +46,7 @@ from renderer.scene.scene import Scene
 _NO_CHOICE = np.zeros((0, 3), np.int64)
 _NO_IDS = np.zeros(0, np.int32)
 NO_LIGHTS = Lights(
-    0, np.zeros(1, np.int32), _NO_IDS, np.zeros((0, 4), np.int64), _NO_CHOICE
+    0, np.zeros(1, np.int32), _NO_IDS, np.zeros((0, 6), np.int64), _NO_CHOICE
 )
 
 
@@ -56,12 +60,14 @@ def light_methods(
     choice: LightChoice | None,
     caustics: bool,
     sampled: NDArray[np.int32],
+    through_glass: bool,
 ) -> Lights:
     """Return the tables of all lights.
 
     `lit`: they are sampled; else they shine only where a ray meets them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too. `sampled` are the lights that are sampled.
+    they shine on those paths too. `sampled` are the lights that are sampled,
+    `through_glass` those of other points, too.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -70,6 +76,8 @@ def light_methods(
     emission = (add_emission if caustics else add_emission_but_caustics, arriving, NOTHING)
     sky_kernel = add_environment if caustics else add_environment_but_caustics
     sky = (sky_kernel, (*given, work.rays, work.hits, INT, INT, ROWS), NOTHING)
+    lamp = (lamp_densities, arriving, NOTHING)
+    no_lamp = (sky_densities, (*given, work.rays, work.hits, INT, ROWS), NOTHING)
     rows = []
     for k, table in enumerate(lights.tables):
         is_sampled = k in lights.kind[sampled]
@@ -77,13 +85,15 @@ def light_methods(
             sample if lit and is_sampled else None,
             emission if emitted_light.has(type(table)) else None,
             sky if environment_light.has(type(table)) else None,
+            lamp if through_glass and emitted_light.has(type(table)) else None,
+            no_lamp if through_glass and environment_light.has(type(table)) else None,
         ]
         record = LightKind(table, k, lights.kind, arithmetic, float(is_sampled))
         rows.append((tables.pack(record), methods))
     chosen = (
         _NO_CHOICE if choice is None else _choice_methods(tables, choice, shapes, settings)
     )
-    return Lights(lights.count, lights.kind, sampled, tables.table(rows, 3), chosen)
+    return Lights(lights.count, lights.kind, sampled, tables.table(rows, 5), chosen)
 
 
 def _choice_methods(

@@ -34,7 +34,6 @@ from renderer.integrators.stages.media_shadows import (
     MOST_SURFACES,
     keep_surfaces,
     pass_surfaces,
-    with_rays_and_points,
 )
 from renderer.integrators.stages.scatter import scatter
 from renderer.kernels.jit import kernel, method_kernel
@@ -48,6 +47,7 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row
 from renderer.kernels.lanes.vectors import append3, column, dot, load3
+from renderer.kernels.records.batch import with_rays_and_points
 from renderer.kernels.records.media import VACUUM
 from renderer.plugins.lights.kind import add_lanes
 from renderer.plugins.media.phase_functions import eval_phase

@@ -1,0 +1,322 @@
+"""Light behind panes: a light sample whose way glass crosses goes on through the glass.
+
+Behind a pane a light is found by BSDF samples alone, as glass blocks shadow rays: a small
+lamp by few of them, with much noise. Here a light sample chooses a direction, as ever, but
+where the straight line to the light meets glass a ray is traced. It is refracted at every
+surface of glass, and counts if it arrives at that light (not where the line met it).
+
+Both ways to find the light are weighed by multiple importance sampling [Veach1997, section
+9.2]. A path x -> glass -> ... -> light has the density of its direction at x times the
+probability of refraction at each surface, which is the same for both. So what the weight
+needs is known at x: the light that the straight line from x meets first, nothing but lights
+being there, and its density. A path of a BSDF sample keeps both while it is refracted; one
+that is reflected, or finds another light, is no path of a light sample and weighs 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.stages.direct_light import (
+    cast_shadow_rays,
+    sample_lights,
+    shadow_rays_to,
+)
+from renderer.integrators.stages.emission import add_emitted_light
+from renderer.integrators.stages.intersect import (
+    intersect,
+    reset_hits,
+    trace_shadow_rays,
+)
+from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.scatter import scatter_by
+from renderer.integrators.stages.surface import append_hits, surface_points
+from renderer.kernels.jit import call, kernel
+from renderer.kernels.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    popcount,
+    splat_i32,
+)
+from renderer.kernels.lanes.memory import append_row, load_row, store_row
+from renderer.kernels.lanes.vectors import append3, column, dot, load3
+from renderer.kernels.records.batch import NO_AIM, SKY_AIM, with_rays_and_points
+from renderer.kernels.records.kernel_scene import (
+    ANY,
+    ANY_SINGLE,
+    EMIT,
+    ENVIRONMENT,
+    LAMP_DENSITY,
+    RECORD,
+    SKY_DENSITY,
+    WEIGH_FOUND,
+)
+from renderer.plugins.bsdfs.kind import SMOOTH
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+
+FIRST_BLOCK = BLOCKS_PER_BOUNCE // 2  # of the numbers of a bounce: those at glass
+NO_ROULETTE = -1
+
+
+@kernel
+def _is_glass(scene, prim):
+    stages = scene.primitives.stages[prim]
+    glass = scene.settings.glass
+    return stages & glass != 0 and stages & ~(glass | ANY) == 0
+
+
+@kernel
+def _light_of(scene, prim):
+    """Return the light that a ray meets, `SKY_AIM` for that of one that meets nothing."""
+    return SKY_AIM if prim < 0 else scene.shapes.light[scene.primitives.shape[prim]]
+
+
+@kernel
+def _is_refracted(points, i, direction):
+    normal = column(points.normal, i)
+    return dot(direction, normal) * dot(column(points.wo, i), normal) < 0.0
+
+
+# ----------------------------------------------------------------------- paths of BSDFs
+
+
+@kernel
+def begin_paths(work, count):
+    """Note that nothing has been met by the paths of `count` camera rays."""
+    for k in range(count):
+        work.glass.aim[work.rays.slot[k]] = NO_AIM
+
+
+@kernel
+def keep_aims(scene, work, count):
+    """Forget what the paths had ahead that were not refracted by glass."""
+    rays, points, aim = work.rays, work.points, work.glass.aim
+    for k in range(count):
+        i = np.int64(rays.point[k])
+        if (
+            rays.lobe[k] == SMOOTH
+            or not _is_glass(scene, points.prim[i])
+            or not _is_refracted(points, i, column(rays.direction, k))
+        ):
+            aim[rays.slot[k]] = NO_AIM
+
+
+@kernel
+def aim_paths(scene, work, count):
+    """Find what paths have ahead that meet glass after a smooth lobe, and its weight."""
+    rays, hits, state = work.rays, work.hits, work.glass
+    ahead, found = state.rays, np.int64(0)
+    for k in range(count):
+        if rays.pdf[k] > 0.0 and hits.prim[k] >= 0 and _is_glass(scene, hits.prim[k]):
+            for c in range(3):
+                ahead.origin[c, found] = rays.origin[c, k]
+                ahead.direction[c, found] = rays.direction[c, k]
+            ahead.pdf[found], ahead.slot[found] = rays.pdf[k], rays.slot[k]
+            ahead.point[found] = rays.point[k]
+            found += 1
+    if found == 0:
+        return
+    _find_densities(scene, work, found)
+    for k in range(found):
+        if state.density[0, k] > 0.0:
+            ratio = state.density[0, k] / ahead.pdf[k]
+            state.aim[ahead.slot[k]] = _light_of(scene, state.hits.prim[k])
+            state.share[ahead.slot[k]] = 1.0 / (1.0 + ratio * ratio)
+
+
+@kernel
+def _find_densities(scene, work, count):
+    """Find lights ahead of `work.glass.rays`, and with what density samples go there."""
+    lights, settings, state = scene.lights, scene.settings, work.glass
+    rays, hits, points, order = state.rays, state.hits, state.points, state.order
+    density, zero = state.density, np.int64(0)
+    reset_hits(hits, zero, count)
+    intersect(scene.lamp_groups, rays, hits, zero, count, False, None)
+    if lights.choice.shape[0] != 0 and lights.choice[0, WEIGH_FOUND] != 0:
+        call(
+            lights.choice[0, WEIGH_FOUND],
+            lights.choice[0, RECORD],
+            (scene.shapes, scene.primitives.shape, work.points, rays, hits, zero, count),
+        )
+    for k in range(count):
+        density[0, k] = density[1, k] = 0.0
+    met = append_hits(scene, rays, hits, zero, count, np.int64(EMIT), order, points, zero)
+    if met > 0:
+        surface_points(scene, rays, hits, order, met, points)
+    for kind in range(lights.methods.shape[0]):
+        methods = lights.methods
+        if methods[kind, LAMP_DENSITY] != 0 and met > 0:
+            call(
+                methods[kind, LAMP_DENSITY],
+                methods[kind, RECORD],
+                (settings, lights, scene.shapes, points, met, density),
+            )
+        if methods[kind, SKY_DENSITY] != 0:
+            call(
+                methods[kind, SKY_DENSITY],
+                methods[kind, RECORD],
+                (settings, lights, rays, hits, count, density),
+            )
+    for i in range(met):
+        density[0, order[i]] = density[1, i]
+
+
+@kernel
+def add_light_of_paths(scene, work, count, see_sky):
+    """Do as `add_emitted_light`; light samples may have found light behind glass, too."""
+    rays, hits, state = work.rays, work.hits, work.glass
+    weighed, kept = np.int64(0), state.rays.throughput
+    for k in range(count):
+        slot = rays.slot[k]
+        aim = state.aim[slot]
+        if aim != NO_AIM and rays.pdf[k] == 0.0 and _light_of(scene, hits.prim[k]) == aim:
+            state.order[weighed] = k
+            for c in range(3):
+                kept[c, weighed] = rays.throughput[c, k]
+                rays.throughput[c, k] *= state.share[slot]
+            weighed += 1
+    add_emitted_light(scene, work, np.int64(0), count, see_sky)
+    for j in range(weighed):
+        for c in range(3):
+            rays.throughput[c, state.order[j]] = kept[c, j]
+
+
+# ------------------------------------------------------------------------ light samples
+
+
+@kernel
+def light_through_glass(scene, tile, sample, bounce, work):
+    """Add the direct light at the points that have a smooth BSDF, also through glass."""
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0:
+        return
+    samples, crosses = work.light_samples, work.glass.crosses
+    sample_lights(scene, np.int64(0), tile, sample, bounce, work, count)
+    crossing = _find_crossings(scene, work, count)
+    for i in range(count):
+        for c in range(3):
+            if crosses[i] != 0:
+                samples.radiance[c, i] = 0.0
+    cast = cast_shadow_rays(scene, work)
+    coherent = bounce == 0
+    trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
+    if crossing == 0:
+        return
+    for i in range(count):
+        inverse = np.float32(0.0)
+        if crosses[i] != 0:
+            inverse = np.float32(1.0) / samples.pdf[i]
+        for c in range(3):
+            samples.radiance[c, i] = inverse
+    cast = cast_shadow_rays(scene, work)
+    count = _aim_samples(scene, work, cast)
+    _trace(scene, tile, sample, bounce, work, count)
+
+
+@kernel
+def _find_crossings(scene, work, count):
+    """Mark the points between which and their light is glass; return how many."""
+    points, samples, state = work.points, work.light_samples, work.glass
+    shadow, order, cast = work.shadow_rays, work.glass.order, np.int64(0)
+    for i in range(0, count, 16):
+        store_row(state.crosses, 0, i, splat_i32(0))
+        lit = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
+        lit = lit & (load_row(samples.pdf, 0, i) > 0.0)
+        wi, r = load3(samples.wi, i), load_row(samples.distance, 0, i)
+        origin, direction, distance = shadow_rays_to(points, i, wi, r)
+        append3(shadow.origin, cast, origin, lit)
+        append3(shadow.direction, cast, direction, lit)
+        append_row(
+            shadow.t_max, 0, cast, distance * np.float32(scene.settings.before_light), lit
+        )
+        append_row(order, 0, cast, lane_index() + np.int32(i), lit)
+        cast += popcount(mask_bits(lit))
+    for i in range(0, cast, 16):
+        store_row(shadow.blocked, 0, i, splat_i32(0))
+    groups = scene.glass_groups
+    for k in range(groups.shape[0]):
+        call(groups[k, ANY_SINGLE], groups[k, RECORD], (shadow, cast, None))
+    crossing = np.int64(0)
+    for j in range(cast):
+        if shadow.blocked[j] != 0:
+            i = order[j]
+            state.crosses[i] = 1
+            state.sampled[points.slot[i]] = samples.light[i]
+            crossing += 1
+    return crossing
+
+
+@kernel
+def _aim_samples(scene, work, cast):
+    """Make rays of the samples whose light is the first on a straight line."""
+    lights, shadow, state = scene.lights, work.shadow_rays, work.glass
+    rays, hits = state.rays, state.hits
+    for k in range(cast):
+        for c in range(3):
+            rays.origin[c, k] = shadow.origin[c, k]
+            rays.direction[c, k] = shadow.direction[c, k]
+    reset_hits(hits, np.int64(0), cast)
+    intersect(scene.lamp_groups, rays, hits, np.int64(0), cast, False, None)
+    count = np.int64(0)
+    for k in range(cast):
+        slot = shadow.slot[k]
+        sampled, light = state.sampled[slot], _light_of(scene, hits.prim[k])
+        if light == SKY_AIM:
+            if lights.methods[lights.kind[sampled], ENVIRONMENT] == 0:
+                continue
+        elif light != sampled:
+            continue
+        state.sampled[slot] = light
+        for c in range(3):
+            rays.origin[c, count] = rays.origin[c, k]
+            rays.direction[c, count] = rays.direction[c, k]
+            rays.throughput[c, count] = shadow.radiance[c, k]
+        rays.slot[count], rays.pdf[count], rays.eta[count] = slot, 0.0, 1.0
+        count += 1
+    return count
+
+
+@kernel
+def _trace(scene, tile, sample, bounce, work, count):
+    """Add the light that samples find which glass refracts."""
+    state = work.glass
+    rays, hits, points = state.rays, state.hits, state.points
+    walk = with_rays_and_points(work, rays, hits, points, state.order, state.ends)
+    zero, surfaces = np.int64(0), np.int64(0)
+    while count > 0:
+        reset_hits(hits, zero, count)
+        intersect(scene.groups, rays, hits, zero, count, False, None)
+        if surfaces > 0:
+            _add_aimed(scene, walk, count)
+        surfaces += 1
+        if bounce + 2 + surfaces > scene.settings.max_depth:
+            break
+        for k in range(count):
+            if hits.prim[k] >= 0 and not _is_glass(scene, hits.prim[k]):
+                hits.prim[k] = -1
+        group_by_bsdf(scene, walk, zero, count)
+        block = FIRST_BLOCK + bounce * BLOCKS_PER_BOUNCE + surfaces
+        end = scatter_by(scene, tile, sample, block, np.int64(NO_ROULETTE), walk)
+        count = zero
+        for k in range(end):
+            if _is_refracted(points, np.int64(rays.point[k]), column(rays.direction, k)):
+                for c in range(3):
+                    rays.origin[c, count] = rays.origin[c, k]
+                    rays.direction[c, count] = rays.direction[c, k]
+                    rays.throughput[c, count] = rays.throughput[c, k]
+                rays.slot[count], rays.eta[count] = rays.slot[k], rays.eta[k]
+                rays.pdf[count] = 0.0
+                count += 1
+
+
+@kernel
+def _add_aimed(scene, walk, count):
+    """Add what rays have found that have arrived at the light they were aimed at."""
+    rays, hits = walk.rays, walk.hits
+    for k in range(count):
+        if _light_of(scene, hits.prim[k]) != walk.glass.sampled[rays.slot[k]]:
+            if hits.prim[k] < 0 or not _is_glass(scene, hits.prim[k]):
+                for c in range(3):
+                    rays.throughput[c, k] = 0.0
+    add_emitted_light(scene, walk, np.int64(0), count, True)
