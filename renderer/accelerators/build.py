@@ -23,7 +23,7 @@ from renderer.accelerators.instances.instances_build import build_instances, bui
 from renderer.accelerators.non_occluders import find_non_occluders
 from renderer.accelerators.rays.boxes import build_boxes, build_brute_force
 from renderer.errors import SceneError
-from renderer.kernels.records.kernel_scene import ANY, EMIT
+from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.shapes.extents import (
     Extents,
     Hulls,
@@ -205,12 +205,12 @@ def accelerators_of_lamps(
     return build_accelerators(scene, name, rays, left_out)
 
 
-def accelerators_of_glass(
-    scene: Scene, name: str, rays: RayCounts, whole: Accelerators, glass: int
+def accelerators_of_panes(
+    scene: Scene, name: str, rays: RayCounts, whole: Accelerators
 ) -> Accelerators:
-    """Return the accelerators of what has no stages but those of `glass`."""
-    other = ((scene.stages & glass) == 0) | ((scene.stages & ~(glass | ANY)) != 0)
-    return build_accelerators(scene, name, rays, LeftOut("all but glass", other, whole))
+    """Return the accelerators of the panes alone."""
+    left_out = LeftOut("all but panes", scene.shapes.pane[scene.shape] == 0, whole)
+    return build_accelerators(scene, name, rays, left_out)
 
 
 def accelerators_of_shadow_rays(

@@ -97,5 +97,5 @@ class IntegratorKind:
     media: bool = False  # paths go through participating media
     # `trace` for several samples of lights or BSDF at a point; None: not supported
     trace_several: Any = None
-    # `trace` where light samples go through glass; None: not supported
-    trace_through_glass: Any = None
+    # `trace` where panes refract light samples; None: not supported
+    trace_through_panes: Any = None

@@ -17,12 +17,12 @@ from renderer.integrators.stages.intersect import camera_hits, intersect, reset_
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter
 from renderer.integrators.stages.straight_through import drop_transparent, keep_marks
-from renderer.integrators.stages.through_glass import (
+from renderer.integrators.stages.through_panes import (
     add_light_of_paths,
     aim_paths,
     begin_paths,
     keep_aims,
-    light_through_glass,
+    light_through_panes,
 )
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.records.batch import HOLES_ALONE
@@ -55,14 +55,14 @@ def trace_paths(scene, tile, sample, work):
 
 
 @method_kernel
-def trace_paths_through_glass(scene, tile, sample, work):
-    """Do so; light samples go through glass."""
+def trace_paths_through_panes(scene, tile, sample, work):
+    """Do so; panes refract light samples."""
     follow_paths(scene, tile, sample, work, True)
 
 
 @kernel
-def follow_paths(scene, tile, sample, work, through_glass):
-    """Add the samples of a tile's squares; `through_glass` is known when it is compiled.
+def follow_paths(scene, tile, sample, work, through_panes):
+    """Add the samples of a tile's squares; `through_panes` is known when it is compiled.
 
     What comes after a bounce is of all squares: the more rays a stream has, the more of
     them enter the same nodes.
@@ -74,12 +74,12 @@ def follow_paths(scene, tile, sample, work, through_glass):
     for k in range(count):
         rays.met[rays.slot[k]] = HOLES_ALONE
     transparent = settings.transparent != 0
-    if through_glass is not None:
+    if through_panes is not None:
         begin_paths(work, count)
     bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         see_sky = bounce > 0 or settings.hide_emitters == 0
-        if through_glass is None:
+        if through_panes is None:
             add_emitted_light(scene, work, np.int64(0), count, see_sky)
         else:
             aim_paths(scene, work, count)
@@ -91,12 +91,12 @@ def follow_paths(scene, tile, sample, work, through_glass):
             break
         begin_bounce(scene, tile, sample, work, count)
         group_by_bsdf(scene, work, np.int64(0), count)
-        if through_glass is None:
+        if through_panes is None:
             direct_light(scene, tile, sample, bounce, work)
         else:
-            light_through_glass(scene, tile, sample, bounce, work)
+            light_through_panes(scene, tile, sample, bounce, work)
         count = scatter(scene, tile, sample, bounce, work)
-        if through_glass is not None:
+        if through_panes is not None:
             keep_aims(scene, work, count)
         if transparent:
             keep_marks(rays, count)
@@ -180,5 +180,5 @@ INTEGRATOR = IntegratorKind(
     described=("max_depth", "rr_depth"),
     sees_lights=True,
     scatters=True,
-    trace_through_glass=trace_paths_through_glass,
+    trace_through_panes=trace_paths_through_panes,
 )

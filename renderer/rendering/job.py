@@ -281,7 +281,7 @@ def workspace_of(
         splat_size=TILE_SIZE + 2 * border if border else 0,
         slots=CAPACITY << 2 * level,
         media=plan.kind.media,
-        glass=plan.through_glass,
+        panes=plan.through_panes,
     )
 
 

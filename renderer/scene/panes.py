@@ -1,44 +1,46 @@
-"""Panes: flat glass, behind which light samples find the lights that are there."""
+"""Panes: flat glass, behind which a straight line finds the lights that are there."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from renderer.kernels.records.kernel_scene import FIRST_BSDF
 from renderer.scene.materials import kind_of, sides
-from renderer.scene.scene import Scene
-from renderer.scene_file.description import Disk, Mesh, Rectangle, Shape
+from renderer.scene_file.description import Disk, Mesh, Rectangle, SceneDescription, Shape
 
 MOST_DIRECTIONS = 12
-"""Of the faces of a mesh that counts as panes: a box has 6. Behind other glass light seldom
-lies where a straight line finds it."""
+"""Of the faces of a mesh that counts as panes; a box has 6."""
 
 
-def glass_stages(scene: Scene) -> int:
-    """Return the bits of BSDFs that only reflect, refract or let straight through."""
-    return sum(
-        FIRST_BSDF << k
-        for k, kind in enumerate(scene.materials.kinds)
-        if kind.delta and kind.transmits and not kind.smooth
-    )
+def panes(description: SceneDescription) -> NDArray[np.int32]:
+    """Return 1 for each shape that is a pane, 0 for the others; (shapes,).
+
+    Through a pane light is refracted, or goes straight on, whatever the shape is then.
+    Instances have none.
+    """
+    if description.instances:
+        return np.zeros(max(len(description.every_shape), 1), np.int32)
+    return np.array([_is_pane(shape) for shape in description.shapes] or [0], np.int32)
 
 
-def has_panes(scene: Scene) -> bool:
-    """Return whether there are panes, in the world and not in instances alone."""
-    glass = glass_stages(scene)
-    of_shapes = scene.materials.stages(scene.description.shapes)
-    return any(
-        stages & glass and _is_flat(shape)
-        for shape, stages in zip(scene.description.shapes, of_shapes, strict=False)
-    )
+def _is_pane(shape: Shape) -> bool:
+    kinds = [kind_of(side) for side in sides(shape.bsdf) if side is not None]
+    if not kinds or shape.radiance is not None:
+        return False
+    if not all(kind.delta and kind.transmits and not kind.smooth for kind in kinds):
+        return False
+    return any(kind.straight for kind in kinds) or _is_flat(shape)
 
 
 def _is_flat(shape: Shape) -> bool:
-    if any(side is not None and kind_of(side).straight for side in sides(shape.bsdf)):
-        return True  # nothing is refracted, whatever the shape
+    """Return whether the surface has few directions."""
     if not isinstance(shape, Mesh):
         return isinstance(shape, Rectangle | Disk)
     a, b, c = (shape.vertices[shape.faces[:, k]].astype(np.float64) for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    return len(np.unique(np.round(normals, 2) + 0.0, axis=0)) <= MOST_DIRECTIONS
+    for _ in range(MOST_DIRECTIONS):
+        if len(normals) == 0:
+            break
+        normals = normals[normals @ normals[0] < 0.9999]
+    return len(normals) == 0

@@ -25,6 +25,7 @@ from renderer.plugins.shapes.primitives import float32
 from renderer.plugins.shapes.registry import KINDS as KINDS
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.materials import MaterialTables
+from renderer.scene.panes import panes
 from renderer.scene.placed_groups import (
     check_attributes,
     check_placements,
@@ -203,6 +204,7 @@ def _build_scene(description: SceneDescription) -> Scene:
             materials.light,
             float32(orientation),
             shape_numbers(description),
+            panes(description),
         ),
         materials,
         starts,

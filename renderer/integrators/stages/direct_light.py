@@ -113,6 +113,12 @@ def shadow_rays_to(points, i, wi, distance):
     return origin, to_light / left, left
 
 
+@kernel
+def some(light):
+    """Return where light is not black; of images it may be negative, and sum up to 0."""
+    return fabs(light.x) + fabs(light.y) + fabs(light.z) > 0.0
+
+
 @method_kernel
 def reflect_light(
     bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
@@ -123,7 +129,8 @@ def reflect_light(
     """
     before_light = np.float32(settings.before_light)
     for i in range(start, stop, 16):
-        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
+        arriving = load3(samples.radiance, i)
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0) & some(arriving)
         if mask_bits(mine) == 0:
             continue
         # f cos of the BSDF, in the local frame
@@ -139,9 +146,8 @@ def reflect_light(
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
         throughput = load3(points.throughput, i)
-        carried = throughput * f_cos * load3(samples.radiance, i) * weight
-        # of images light may be negative, and cancel out in a sum
-        lit = mine & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
+        carried = throughput * f_cos * arriving * weight
+        lit = mine & some(carried)
 
         r = load_row(samples.distance, 0, i)
         origin, direction, distance = shadow_rays_to(points, i, wi, r)

@@ -264,17 +264,16 @@ class MediaWork(NamedTuple):
     rest: NDArray[np.float32]
 
 
-class GlassWork(NamedTuple):
-    """What light samples through glass need; empty where there are none."""
+class PaneWork(NamedTuple):
+    """What light samples through panes need; empty where there are none."""
 
-    # of each path, if only glass has been in its way since a smooth lobe: the light that
-    # it had ahead then, or `NO_AIM`, `SKY_AIM`; and the weight of finding that light so
-    aim: NDArray[np.int32]  # (slots,)
-    share: NDArray[np.float32]  # (slots,)
-    # of each light sample: the light, by slot; and by point, whether glass is in its way
-    sampled: NDArray[np.int32]  # (slots,)
-    crosses: NDArray[np.int32]  # (n,)
-    # samples on their way
+    # (slots,) light ahead of each path that only panes have refracted since its last smooth
+    # lobe, or `NO_AIM`, `SKY_AIM`; and the weight of that light
+    aim: NDArray[np.int32]
+    share: NDArray[np.float32]
+    sampled: NDArray[np.int32]  # (slots,) light of each light sample that crosses a pane
+    crosses: NDArray[np.int32]  # (n,) by surface point: 1 where its light sample does
+    # these samples on their way
     rays: Rays
     hits: Hits
     points: SurfacePoints
@@ -305,7 +304,7 @@ class Workspace(NamedTuple):
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: not counted
     media: MediaWork
-    glass: GlassWork
+    panes: PaneWork
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:
@@ -396,11 +395,11 @@ def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> Media
     )
 
 
-def _glass_work(capacity: int, slots: int, kinds: int, parameters: int) -> GlassWork:
+def _pane_work(capacity: int, slots: int, kinds: int, parameters: int) -> PaneWork:
     """Return the arrays for batches of `capacity` paths; 0 for none of them."""
     n = 2 * capacity
     met = _numbers(slots)
-    return GlassWork(
+    return PaneWork(
         _numbers(slots),
         _row(slots),
         _numbers(slots),
@@ -427,7 +426,7 @@ def make_workspace(
     splat_size: int = 0,
     slots: int = CAPACITY,
     media: bool = False,
-    glass: bool = False,
+    panes: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -456,8 +455,8 @@ def make_workspace(
         Samples of a tile that are added to its sums together: of one batch or more.
     media : bool
         Whether paths go through participating media.
-    glass : bool
-        Whether light samples go through glass.
+    panes : bool
+        Whether light samples go through panes.
     """
     met = _numbers(slots)
     rays = _rays(ray_capacity, previous_points, met)
@@ -489,7 +488,7 @@ def make_workspace(
         np.zeros(depths, np.int64),
         make_tally(ray_capacity) if counted else None,
         _media_work(capacity if media else 0, slots if media else 0, kinds, parameters),
-        _glass_work(capacity if glass else 0, slots if glass else 0, kinds, parameters),
+        _pane_work(capacity if panes else 0, slots if panes else 0, kinds, parameters),
     )
 
 
@@ -511,5 +510,5 @@ def with_rays_and_points(work, rays, hits, points, order, ends):
         work.waiting,
         work.tally,
         work.media,
-        work.glass,
+        work.panes,
     )

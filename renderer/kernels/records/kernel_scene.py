@@ -73,6 +73,7 @@ class Shapes(NamedTuple):
     light: NDArray[np.int32]  # (n,) area light on it, -1: none
     orientation: NDArray[np.float32]  # (n,) -1 where the outward normal is flipped
     number: NDArray[np.int32]  # (n,) in the file, the first is 1; 0 for shapes of groups
+    pane: NDArray[np.int32]  # (n,) 1 where it is one, see `scene.panes`
 
 
 class Primitives(NamedTuple):
@@ -135,7 +136,6 @@ class Settings(NamedTuple):
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)
     before_light: float  # shadow rays end at this part of the way to the light
-    glass: int  # bits of `Primitives.stages`: glass that light samples go through
 
 
 class KernelScene(NamedTuple):
@@ -155,6 +155,6 @@ class KernelScene(NamedTuple):
     hooks: Methods  # AFTER_CAMERA_RAYS, ...
     settings: Settings
     media: Media
-    # where light samples go through glass: that alone, and the area lights alone
-    glass_groups: Methods
+    # where light samples go through panes: these alone, and the area lights alone
+    pane_groups: Methods
     lamp_groups: Methods

@@ -37,7 +37,6 @@ from renderer.scene.light_properties import (
     has_extended_lights,
     has_lights_outside_their_samples,
 )
-from renderer.scene.panes import has_panes
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -222,9 +221,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         light_choice=choice,
         finds_sky=finds_sky,
     )
-    if case.reduce and not as_mitsuba and _may_go_through_glass(scene, plan):
-        plan = dataclasses.replace(plan, through_glass=True)
-        why.say("glass", "light samples go through it: there are panes")
+    if case.reduce and not as_mitsuba and _may_go_through_panes(scene, plan):
+        plan = dataclasses.replace(plan, through_panes=True)
+        why.say("panes", "they refract light samples, so that lamps behind them are found")
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     if plan.kind.splits and plan.mirrors:
@@ -250,18 +249,17 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 
-def _may_go_through_glass(scene: Scene, plan: Plan) -> bool:
-    """Return whether light samples are to go through glass, and can."""
+def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
+    """Return whether the plan allows that panes refract light samples."""
     return (
-        plan.kind.trace_through_glass is not None
+        plan.kind.trace_through_panes is not None
         and plan.weigh
         and plan.mirrors
         and plan.caustics
         and plan.strategy == "both"
         and not plan.transparent
         and plan.max_depth > 3  # camera, surface, both sides of a pane, light
-        and scene.placements is None
-        and has_panes(scene)
+        and bool(scene.shapes.pane.any())
     )
 
 

@@ -153,7 +153,7 @@ class Plan(Decision):
     # An even sky is left to BSDF samples: no light sample is taken of it, nothing weighed.
     # A diffuse point that sees nothing else has no noise then, and no shadow ray.
     finds_sky: bool = False
-    through_glass: bool = False  # light samples are refracted by glass
+    through_panes: bool = False  # panes refract light samples
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -175,16 +175,16 @@ class Plan(Decision):
     @property
     def trace(self) -> Any:
         """The kernel of the method."""
-        if self.through_glass:
-            return self.kind.trace_through_glass
+        if self.through_panes:
+            return self.kind.trace_through_panes
         return self.kind.trace_several if self.several else self.kind.trace
 
     @property
     def name(self) -> str:
         """The method, and what makes its loop another one."""
         name = f"{self.method} with several samples" if self.several else self.method
-        if self.through_glass:
-            name = f"{self.method} through glass"
+        if self.through_panes:
+            name = f"{self.method} through panes"
         return name if self.moments is None else f"moments of {name}"
 
     @property

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import (
     accelerators_of_camera,
-    accelerators_of_glass,
     accelerators_of_lamps,
+    accelerators_of_panes,
     accelerators_of_shadow_rays,
     build_accelerators,
 )
@@ -67,7 +67,6 @@ from renderer.scene.light_properties import (
 )
 from renderer.scene.light_tables import light_tables
 from renderer.scene.media_tables import media_tables
-from renderer.scene.panes import glass_stages
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
 
@@ -168,11 +167,10 @@ class _SceneTables:
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
 
-        glass_groups = lamp_groups = tables.table([], 2)
-        if plan.through_glass:
+        pane_groups = lamp_groups = tables.table([], 2)
+        if plan.through_panes:
             whole = scene, accel, plan.rays, accelerators
-            panes = accelerators_of_glass(*whole, settings.glass)
-            glass_groups = shadow_methods(tables, panes, True)
+            pane_groups = shadow_methods(tables, accelerators_of_panes(*whole), True)
             lamp_groups = group_methods(tables, accelerators_of_lamps(*whole), plan)
 
         lights, choice = NO_LIGHTS, None
@@ -197,7 +195,7 @@ class _SceneTables:
                 choice,
                 plan.caustics,
                 sampled,
-                plan.through_glass,
+                plan.through_panes,
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
@@ -229,7 +227,7 @@ class _SceneTables:
             _hooks(tables, hooks, settings, placements),
             settings,
             media_tables(scene.description if plan.kind.media else None),
-            glass_groups,
+            pane_groups,
             lamp_groups,
         )
 
@@ -263,7 +261,6 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         plan.offset.rounding,
         plan.offset.fixed,
         1.0 - plan.offset.light_gap,
-        glass_stages(scene) if plan.through_glass else 0,
     )
 
 

@@ -60,14 +60,14 @@ def light_methods(
     choice: LightChoice | None,
     caustics: bool,
     sampled: NDArray[np.int32],
-    through_glass: bool,
+    through_panes: bool,
 ) -> Lights:
     """Return the tables of all lights.
 
     `lit`: they are sampled; else they shine only where a ray meets them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too. `sampled` are the lights that are sampled,
-    `through_glass` those of other points, too.
+    they shine on those paths too. `sampled` are the lights that are sampled.
+    `through_panes`: the density of light samples is needed where no path has arrived.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -85,8 +85,8 @@ def light_methods(
             sample if lit and is_sampled else None,
             emission if emitted_light.has(type(table)) else None,
             sky if environment_light.has(type(table)) else None,
-            lamp if through_glass and emitted_light.has(type(table)) else None,
-            no_lamp if through_glass and environment_light.has(type(table)) else None,
+            lamp if through_panes and emitted_light.has(type(table)) else None,
+            no_lamp if through_panes and environment_light.has(type(table)) else None,
         ]
         record = LightKind(table, k, lights.kind, arithmetic, float(is_sampled))
         rows.append((tables.pack(record), methods))

@@ -213,7 +213,7 @@ def _into_numbers(work):
         work.waiting,
         work.tally,
         work.media,
-        work.glass,
+        work.panes,
     )
 
 

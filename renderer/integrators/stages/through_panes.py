@@ -1,16 +1,17 @@
-"""Light behind panes: a light sample whose way glass crosses goes on through the glass.
+"""Stage 5 where there are panes: light samples are refracted by them.
 
-Behind a pane a light is found by BSDF samples alone, as glass blocks shadow rays: a small
-lamp by few of them, with much noise. Here a light sample chooses a direction, as ever, but
-where the straight line to the light meets glass a ray is traced. It is refracted at every
-surface of glass, and counts if it arrives at that light (not where the line met it).
+Glass blocks shadow rays. So a lamp behind a pane is found by BSDF samples alone, and a
+small lamp by few of them, with much noise. Here a light sample whose straight line crosses
+a pane gives the direction of a ray, which is traced and refracted at every pane that it
+hits. What it finds counts if it is the light that was sampled.
 
 Both ways to find the light are weighed by multiple importance sampling [Veach1997, section
-9.2]. A path x -> glass -> ... -> light has the density of its direction at x times the
-probability of refraction at each surface, which is the same for both. So what the weight
-needs is known at x: the light that the straight line from x meets first, nothing but lights
-being there, and its density. A path of a BSDF sample keeps both while it is refracted; one
-that is reflected, or finds another light, is no path of a light sample and weighs 1.
+9.2]. The density of a path x, panes, light is that of its direction at x times the
+probabilities of its refractions, which both have in common. So x and the direction
+determine the weight: the light is the first that the straight line from x meets if nothing
+but lights is there. The path of a BSDF sample keeps its weight while panes refract it. If
+it is reflected, or ends at another light, no light sample could have found that, and the
+weight is 1.
 """
 
 from __future__ import annotations
@@ -43,7 +44,6 @@ from renderer.kernels.lanes.memory import append_row, load_row, store_row
 from renderer.kernels.lanes.vectors import append3, column, dot, load3
 from renderer.kernels.records.batch import NO_AIM, SKY_AIM, with_rays_and_points
 from renderer.kernels.records.kernel_scene import (
-    ANY,
     ANY_SINGLE,
     EMIT,
     ENVIRONMENT,
@@ -55,15 +55,15 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-FIRST_BLOCK = BLOCKS_PER_BOUNCE // 2  # of the numbers of a bounce: those at glass
+FIRST_BLOCK = (
+    BLOCKS_PER_BOUNCE // 2
+)  # of the random numbers of a bounce that are for refractions
 NO_ROULETTE = -1
 
 
 @kernel
-def _is_glass(scene, prim):
-    stages = scene.primitives.stages[prim]
-    glass = scene.settings.glass
-    return stages & glass != 0 and stages & ~(glass | ANY) == 0
+def _is_pane(scene, prim):
+    return scene.shapes.pane[scene.primitives.shape[prim]] != 0
 
 
 @kernel
@@ -83,20 +83,20 @@ def _is_refracted(points, i, direction):
 
 @kernel
 def begin_paths(work, count):
-    """Note that nothing has been met by the paths of `count` camera rays."""
+    """Let `count` camera rays have no light ahead."""
     for k in range(count):
-        work.glass.aim[work.rays.slot[k]] = NO_AIM
+        work.panes.aim[work.rays.slot[k]] = NO_AIM
 
 
 @kernel
 def keep_aims(scene, work, count):
-    """Forget what the paths had ahead that were not refracted by glass."""
-    rays, points, aim = work.rays, work.points, work.glass.aim
+    """Keep the lights ahead of those of `count` paths alone that a pane has refracted."""
+    rays, points, aim = work.rays, work.points, work.panes.aim
     for k in range(count):
         i = np.int64(rays.point[k])
         if (
             rays.lobe[k] == SMOOTH
-            or not _is_glass(scene, points.prim[i])
+            or not _is_pane(scene, points.prim[i])
             or not _is_refracted(points, i, column(rays.direction, k))
         ):
             aim[rays.slot[k]] = NO_AIM
@@ -104,11 +104,11 @@ def keep_aims(scene, work, count):
 
 @kernel
 def aim_paths(scene, work, count):
-    """Find what paths have ahead that meet glass after a smooth lobe, and its weight."""
-    rays, hits, state = work.rays, work.hits, work.glass
+    """Find the light ahead of paths that hit a pane after a smooth lobe, and its weight."""
+    rays, hits, state = work.rays, work.hits, work.panes
     ahead, found = state.rays, np.int64(0)
     for k in range(count):
-        if rays.pdf[k] > 0.0 and hits.prim[k] >= 0 and _is_glass(scene, hits.prim[k]):
+        if rays.pdf[k] > 0.0 and hits.prim[k] >= 0 and _is_pane(scene, hits.prim[k]):
             for c in range(3):
                 ahead.origin[c, found] = rays.origin[c, k]
                 ahead.direction[c, found] = rays.direction[c, k]
@@ -127,8 +127,8 @@ def aim_paths(scene, work, count):
 
 @kernel
 def _find_densities(scene, work, count):
-    """Find lights ahead of `work.glass.rays`, and with what density samples go there."""
-    lights, settings, state = scene.lights, scene.settings, work.glass
+    """Find the lights ahead of `work.panes.rays`, and the density of light samples."""
+    lights, settings, state = scene.lights, scene.settings, work.panes
     rays, hits, points, order = state.rays, state.hits, state.points, state.order
     density, zero = state.density, np.int64(0)
     reset_hits(hits, zero, count)
@@ -164,8 +164,8 @@ def _find_densities(scene, work, count):
 
 @kernel
 def add_light_of_paths(scene, work, count, see_sky):
-    """Do as `add_emitted_light`; light samples may have found light behind glass, too."""
-    rays, hits, state = work.rays, work.hits, work.glass
+    """Do as `add_emitted_light`, with the weights of light behind panes."""
+    rays, hits, state = work.rays, work.hits, work.panes
     weighed, kept = np.int64(0), state.rays.throughput
     for k in range(count):
         slot = rays.slot[k]
@@ -186,12 +186,12 @@ def add_light_of_paths(scene, work, count, see_sky):
 
 
 @kernel
-def light_through_glass(scene, tile, sample, bounce, work):
-    """Add the direct light at the points that have a smooth BSDF, also through glass."""
+def light_through_panes(scene, tile, sample, bounce, work):
+    """Do as `direct_light`, also through panes; one light is sampled at each point."""
     count = work.ends[scene.bsdfs.smooth]
     if count == 0:
         return
-    samples, crosses = work.light_samples, work.glass.crosses
+    samples, crosses = work.light_samples, work.panes.crosses
     sample_lights(scene, np.int64(0), tile, sample, bounce, work, count)
     crossing = _find_crossings(scene, work, count)
     for i in range(count):
@@ -216,9 +216,9 @@ def light_through_glass(scene, tile, sample, bounce, work):
 
 @kernel
 def _find_crossings(scene, work, count):
-    """Mark the points between which and their light is glass; return how many."""
-    points, samples, state = work.points, work.light_samples, work.glass
-    shadow, order, cast = work.shadow_rays, work.glass.order, np.int64(0)
+    """Mark the points with a pane before their sampled light; return how many."""
+    points, samples, state = work.points, work.light_samples, work.panes
+    shadow, order, cast = work.shadow_rays, work.panes.order, np.int64(0)
     for i in range(0, count, 16):
         store_row(state.crosses, 0, i, splat_i32(0))
         lit = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
@@ -234,7 +234,7 @@ def _find_crossings(scene, work, count):
         cast += popcount(mask_bits(lit))
     for i in range(0, cast, 16):
         store_row(shadow.blocked, 0, i, splat_i32(0))
-    groups = scene.glass_groups
+    groups = scene.pane_groups
     for k in range(groups.shape[0]):
         call(groups[k, ANY_SINGLE], groups[k, RECORD], (shadow, cast, None))
     crossing = np.int64(0)
@@ -249,8 +249,8 @@ def _find_crossings(scene, work, count):
 
 @kernel
 def _aim_samples(scene, work, cast):
-    """Make rays of the samples whose light is the first on a straight line."""
-    lights, shadow, state = scene.lights, work.shadow_rays, work.glass
+    """Make rays of the shadow rays whose light is the first ahead; return how many."""
+    lights, shadow, state = scene.lights, work.shadow_rays, work.panes
     rays, hits = state.rays, state.hits
     for k in range(cast):
         for c in range(3):
@@ -279,8 +279,8 @@ def _aim_samples(scene, work, cast):
 
 @kernel
 def _trace(scene, tile, sample, bounce, work, count):
-    """Add the light that samples find which glass refracts."""
-    state = work.glass
+    """Add the light that `count` rays of light samples find behind panes."""
+    state = work.panes
     rays, hits, points = state.rays, state.hits, state.points
     walk = with_rays_and_points(work, rays, hits, points, state.order, state.ends)
     zero, surfaces = np.int64(0), np.int64(0)
@@ -293,7 +293,7 @@ def _trace(scene, tile, sample, bounce, work, count):
         if bounce + 2 + surfaces > scene.settings.max_depth:
             break
         for k in range(count):
-            if hits.prim[k] >= 0 and not _is_glass(scene, hits.prim[k]):
+            if hits.prim[k] >= 0 and not _is_pane(scene, hits.prim[k]):
                 hits.prim[k] = -1
         group_by_bsdf(scene, walk, zero, count)
         block = FIRST_BLOCK + bounce * BLOCKS_PER_BOUNCE + surfaces
@@ -312,11 +312,11 @@ def _trace(scene, tile, sample, bounce, work, count):
 
 @kernel
 def _add_aimed(scene, walk, count):
-    """Add what rays have found that have arrived at the light they were aimed at."""
+    """Add the light of those of `count` rays that have hit the light of their sample."""
     rays, hits = walk.rays, walk.hits
     for k in range(count):
-        if _light_of(scene, hits.prim[k]) != walk.glass.sampled[rays.slot[k]]:
-            if hits.prim[k] < 0 or not _is_glass(scene, hits.prim[k]):
+        if _light_of(scene, hits.prim[k]) != walk.panes.sampled[rays.slot[k]]:
+            if hits.prim[k] < 0 or not _is_pane(scene, hits.prim[k]):
                 for c in range(3):
                     rays.throughput[c, k] = 0.0
     add_emitted_light(scene, walk, np.int64(0), count, True)
