@@ -20,7 +20,7 @@ def panes(description: SceneDescription) -> NDArray[np.int32]:
     """
     if description.instances:
         return np.zeros(max(len(description.every_shape), 1), np.int32)
-    return np.array([_is_pane(shape) for shape in description.shapes] or [0], np.int32)
+    return np.array([_is_pane(shape) for shape in description.shapes] or [False], np.int32)
 
 
 def _is_pane(shape: Shape) -> bool:

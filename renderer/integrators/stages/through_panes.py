@@ -55,9 +55,7 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-FIRST_BLOCK = (
-    BLOCKS_PER_BOUNCE // 2
-)  # of the random numbers of a bounce that are for refractions
+FIRST_BLOCK = BLOCKS_PER_BOUNCE // 2  # of a bounce's random numbers: those of refractions
 NO_ROULETTE = -1
 
 
