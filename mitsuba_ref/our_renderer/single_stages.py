@@ -1,4 +1,4 @@
-"""The stages of `trace_paths` one by one, callable from Python.
+"""The stages of `follow_paths` one by one, callable from Python.
 
 `step_by_step` reads the work arrays between them; a study times them.
 """

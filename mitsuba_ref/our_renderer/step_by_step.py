@@ -1,6 +1,6 @@
 """Records one path through the kernels of a render, one stage at a time.
 
-The stages of `trace_paths` are called from Python over a tile of one pixel; between them
+The stages of `follow_paths` are called from Python over a tile of one pixel; between them
 the work arrays are read. The record is therefore what a render computes. The render's
 kernels have no code for it.
 """

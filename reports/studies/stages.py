@@ -1,6 +1,6 @@
 """Stages: where the time of a path-traced picture goes, stage by stage, on one thread.
 
-The stages of `trace_paths` are called one by one over the batches of a render, each with
+The stages of `follow_paths` are called one by one over the batches of a render, each with
 its own clock. A batch has the rays of as many samples as in a render. With `--quick` every
 third tile is rendered.
 """

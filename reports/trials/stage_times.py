@@ -121,7 +121,7 @@ def _trace(
     sample: int,
     by_bounce: list[list[float]],
 ) -> None:
-    """Do as `trace_paths`."""
+    """Do as `follow_paths`."""
     settings = job.kernel_scene.settings
     count = 0
     for number in range(tile.square, tile.square + tile.squares):

@@ -85,13 +85,13 @@ def test_there_are_over_ten_thousand_each_with_a_name_of_its_own(mutants):
     assert len({mutant.name for mutant in mutants}) == len(mutants)
     assert min(Counter(mutant.kind for mutant in mutants).values()) > 100
     symbols = {mutant.symbol for mutant in mutants}
-    assert "integrators.path.trace_paths" in symbols
+    assert "integrators.path.follow_paths" in symbols
     assert "plugins.bsdfs.diffuse.eval_pdf" in symbols
     assert not any(symbol.startswith(("replay", "textbook")) for symbol in symbols)
 
 
 def test_a_sample_is_one_of_its_seed_and_the_beginning_of_a_larger_one(mutants):
-    reached = {"integrators.path.trace_paths", "plugins.bsdfs.diffuse.sample"}
+    reached = {"integrators.path.follow_paths", "plugins.bsdfs.diffuse.sample"}
     few, more = sample(mutants, 5, 3, reached), sample(mutants, 9, 3, reached)
     assert few == more[:5]
     assert few != sample(mutants, 5, 4, reached)
@@ -110,7 +110,7 @@ def test_those_of_a_sample_can_be_built(mutants):
 
 def test_a_file_that_has_changed_since_is_refused(mutants, tmp_path):
     moved = tmp_path / "path.py"
-    mutant = next(m for m in mutants if m.symbol == "integrators.path.trace_paths")
+    mutant = next(m for m in mutants if m.symbol == "integrators.path.follow_paths")
     moved.write_bytes(b"# what follows is in other places\n" + mutant.path.read_bytes())
     with pytest.raises((from_syntax.AnchorError, SyntaxError)):
         replace(mutant, path=moved).mutation("cornell-box")
