@@ -221,7 +221,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         light_choice=choice,
         finds_sky=finds_sky,
     )
-    if case.reduce and not as_mitsuba and _may_go_through_panes(scene, plan):
+    if case.reduce and choice == "importance" and _may_go_through_panes(scene, plan):
         plan = dataclasses.replace(plan, through_panes=True)
         why.say("panes", "they refract light samples, so that lamps behind them are found")
     if plan.moments is not None:
