@@ -120,6 +120,7 @@ def _plugin(name: str, **properties: Any) -> Properties:
 
 _FLOOR = _plugin("rectangle")
 _LAMP = _plugin("rectangle", to_world=translate([0, 0, 3]) @ _UP, emitter=_plugin("area"))
+_PANE = _plugin("rectangle", to_world=translate([0, 0, 1]), bsdf=_plugin("dielectric"))
 _BULB = _plugin("point", position=[0.5, 0.5, 2.0])
 
 
@@ -231,21 +232,24 @@ def _bitmaps() -> Iterator[Properties]:
 
 
 def _lights() -> Iterator[SmallScene]:
-    """Lights of one colour and with pictures; area lights on each shape that can shine."""
+    """Lights of one colour and with pictures; area lights on each shape that can shine.
+
+    There is a pane, behind which paths look for lights that have an extent.
+    """
     pictures = [
         _plugin("bitmap", data=x) for x in ((255.0 * _PIXELS).astype("u1"), _PIXELS)
     ]
-    renders = _PATH, _TREE, _REPLAY, _MEDIA
+    renders: tuple[Properties, ...] = ({}, _PATH, _TREE, _REPLAY, _MEDIA)
     for name, plugin in LIGHTS.items():
         key = "radiance" if plugin.on_shapes else plugin.texture
         lights = [_plugin(name), *(_plugin(name, **{key: x}) for x in pictures if key)]
         for light in lights:
             if not plugin.on_shapes:
-                yield SmallScene(name, _scene(_FLOOR, light), renders)
+                yield SmallScene(name, _scene(_FLOOR, _PANE, light), renders)
                 continue
             dark = _DARK if light is lights[0] else _PLAIN
             for kind in (kind for kind in SHAPES if kind not in dark):
-                scene = _scene(_FLOOR, _shape(kind) | {"emitter": light})
+                scene = _scene(_FLOOR, _PANE, _shape(kind) | {"emitter": light})
                 yield SmallScene(f"{name} {kind}", scene, renders)
 
 
