@@ -56,7 +56,7 @@ def trace_paths(scene, tile, sample, work):
 
 @method_kernel
 def trace_paths_through_panes(scene, tile, sample, work):
-    """Do so; panes refract light samples."""
+    """Do as `trace_paths`, but panes refract light samples."""
     follow_paths(scene, tile, sample, work, True)
 
 

@@ -193,8 +193,8 @@ def _accelerators(scene: Scene, plan: Plan, accel: str) -> int:
         name = chosen[kind].name if kind in chosen else "octree"
         total += _OF_STRUCTURE[name] * alone
         total += _OF_GROUPS * (surfaces.end - surfaces.first - alone)
-    if plan.hide_emitters:
-        total *= 2
+    # once more without lamps, once more for panes and lamps alone, which are disjoint
+    total *= 1 + plan.hide_emitters + plan.through_panes
     if scene.placements is not None:
         total += _OF_STRUCTURE["wide"] * len(scene.description.instances)
     return total

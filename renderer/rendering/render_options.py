@@ -395,8 +395,8 @@ class RenderOptions:
         "--light-choice NAME",
         "plan picture bands",
         "how one of several lights is chosen at a point: importance (default), by what it "
-        "can give there, or uniform, each as often as any other, as in Mitsuba; with that "
-        "panes of glass block light samples, too",
+        "can give there, or uniform, each as often as any other, as in Mitsuba; with "
+        "uniform, panes of glass block light samples",
         choices=LIGHT_CHOICES,
         noun="light choice",
     )

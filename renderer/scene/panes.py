@@ -1,4 +1,4 @@
-"""Panes: flat glass, behind which a straight line finds the lights that are there."""
+"""Panes: glass behind which a straight line finds the lights that are there."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from renderer.scene.materials import kind_of, sides
 from renderer.scene_file.description import Disk, Mesh, Rectangle, SceneDescription, Shape
 
 MOST_DIRECTIONS = 12
-"""Of the faces of a mesh that counts as panes; a box has 6."""
+"""Directions of a mesh's faces, at most, if it counts as panes; a box has 6."""
+
+_FIRST_FACES = 1000  # nearly all other meshes have more directions among these
 
 
 def panes(description: SceneDescription) -> NDArray[np.int32]:
     """Return 1 for each shape that is a pane, 0 for the others; (shapes,).
 
-    Through a pane light is refracted, or goes straight on, whatever the shape is then.
-    Instances have none.
+    Panes are flat, or let light straight through, as `thindielectric` does. A scene with
+    instances has none: accelerators of the panes alone would hold the instances, too.
     """
-    if description.instances:
-        return np.zeros(max(len(description.every_shape), 1), np.int32)
-    return np.array([_is_pane(shape) for shape in description.shapes] or [False], np.int32)
+    able = not description.instances
+    shapes = description.every_shape
+    return np.array([able and _is_pane(shape) for shape in shapes] or [False], np.int32)
 
 
 def _is_pane(shape: Shape) -> bool:
@@ -36,7 +38,13 @@ def _is_flat(shape: Shape) -> bool:
     """Return whether the surface has few directions."""
     if not isinstance(shape, Mesh):
         return isinstance(shape, Rectangle | Disk)
-    a, b, c = (shape.vertices[shape.faces[:, k]].astype(np.float64) for k in range(3))
+    return _has_few_directions(shape, shape.faces[:_FIRST_FACES]) and _has_few_directions(
+        shape, shape.faces
+    )
+
+
+def _has_few_directions(mesh: Mesh, faces: NDArray[np.int32]) -> bool:
+    a, b, c = (mesh.vertices[faces[:, k]].astype(np.float64) for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     for _ in range(MOST_DIRECTIONS):

@@ -114,7 +114,7 @@ def shadow_rays_to(points, i, wi, distance):
 
 
 @kernel
-def some(light):
+def is_lit(light):
     """Return where light is not black; of images it may be negative, and sum up to 0."""
     return fabs(light.x) + fabs(light.y) + fabs(light.z) > 0.0
 
@@ -130,7 +130,7 @@ def reflect_light(
     before_light = np.float32(settings.before_light)
     for i in range(start, stop, 16):
         arriving = load3(samples.radiance, i)
-        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0) & some(arriving)
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0) & is_lit(arriving)
         if mask_bits(mine) == 0:
             continue
         # f cos of the BSDF, in the local frame
@@ -147,7 +147,7 @@ def reflect_light(
         weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
         throughput = load3(points.throughput, i)
         carried = throughput * f_cos * arriving * weight
-        lit = mine & some(carried)
+        lit = mine & is_lit(carried)
 
         r = load_row(samples.distance, 0, i)
         origin, direction, distance = shadow_rays_to(points, i, wi, r)

@@ -38,10 +38,11 @@ from renderer.kernels.records.media import NO_BOUNDARY
 from renderer.plugins.bsdfs.kind import SMOOTH, STRAIGHT
 from renderer.plugins.media.free_flight import free_flight, noise_of
 from renderer.plugins.media.phase_functions import eval_phase, sample_phase
-from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, TWO_PI
-
-# The numbers of a flight, behind those of the lights of the same bounce.
-FLIGHT_BLOCK = BLOCKS_PER_BOUNCE // 2
+from renderer.plugins.sampling.numbers_and_warps import (
+    BLOCKS_PER_BOUNCE,
+    ON_THE_WAY,
+    TWO_PI,
+)
 
 
 @kernel
@@ -138,7 +139,7 @@ def fly(scene, tile, sample, step, work, count):
         (
             tile,
             sample,
-            FLIGHT_BLOCK + step * BLOCKS_PER_BOUNCE,
+            ON_THE_WAY + step * BLOCKS_PER_BOUNCE,
             rays.slot,
             count,
             numbers,

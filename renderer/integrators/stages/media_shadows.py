@@ -10,12 +10,13 @@ import numpy as np
 
 from renderer.integrators.stages.direct_light import (
     cast_shadow_rays,
+    is_lit,
     sample_lights,
     samples_lights,
 )
 from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.materials import prepare_bsdfs
-from renderer.integrators.stages.media import FLIGHT_BLOCK, medium_behind
+from renderer.integrators.stages.media import medium_behind
 from renderer.integrators.stages.surface import (
     append_hits,
     leave_surface,
@@ -24,7 +25,6 @@ from renderer.integrators.stages.surface import (
 )
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
-    fabs,
     first_lanes,
     mask_bits,
     popcount,
@@ -50,7 +50,7 @@ from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.lights.kind import light_probability, light_sample_weight
 from renderer.plugins.media.free_flight import noise_of, transmittance
 from renderer.plugins.media.phase_functions import eval_phase
-from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, ON_THE_WAY
 
 MOST_SURFACES = 1 << 16  # that one shadow ray goes through
 
@@ -177,8 +177,8 @@ def pass_surfaces(scene, walk, count):
     end = first
     for i in range(0, total, 16):
         throughput = load3(points.throughput, i)
-        some = fabs(throughput.x) + fabs(throughput.y) + fabs(throughput.z) > 0.0
-        on = first_lanes(total - i) & (load_row(points.bsdf, 0, i) >= 0) & some
+        on = first_lanes(total - i) & (load_row(points.bsdf, 0, i) >= 0)
+        on = on & is_lit(throughput)
         direction = -load3(points.wo, i)
         append3(rays.origin, end, leave_surface(points, i, direction), on)
         append3(rays.direction, end, direction, on)
@@ -202,7 +202,7 @@ def _trace(scene, tile, sample, step, work, cast, at_surfaces):
             hits.prim[k] = -1
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         surfaces += 1
-        block = FLIGHT_BLOCK + step * BLOCKS_PER_BOUNCE + surfaces
+        block = ON_THE_WAY + step * BLOCKS_PER_BOUNCE + surfaces
         call(
             scene.sampler[0, DRAW],
             scene.sampler[0, RECORD],
@@ -255,7 +255,7 @@ def cast_from_collisions(scene, work, count):
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = phase * light_sample_weight(settings, light_pdf, phase) / probability
         carried = load3(points.throughput, i) * load3(samples.radiance, i) * weight
-        lit = mine & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
+        lit = mine & is_lit(carried)
         append3(shadow_rays.origin, cast, load3(points.position, i), lit)
         append3(shadow_rays.direction, cast, wi, lit)
         distance = load_row(samples.distance, 0, i)

@@ -119,7 +119,7 @@ def scatter(scene, tile, sample, bounce, work):
 
 @kernel
 def scatter_by(scene, tile, sample, block, bounce, work):
-    """Do so by a block of random numbers; before bounce 0 there is no roulette."""
+    """Send the paths on by the random numbers of `block`; at bounce -1 all survive."""
     methods, points, ends = scene.bsdfs.methods, work.points, work.ends
     kinds = methods.shape[0]
     call(

@@ -30,6 +30,7 @@ from renderer.integrators.stages.intersect import (
     trace_shadow_rays,
 )
 from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.media_shadows import MOST_SURFACES
 from renderer.integrators.stages.scatter import scatter_by
 from renderer.integrators.stages.surface import append_hits, surface_points
 from renderer.kernels.jit import call, kernel
@@ -52,11 +53,9 @@ from renderer.kernels.records.kernel_scene import (
     SKY_DENSITY,
     WEIGH_FOUND,
 )
-from renderer.plugins.bsdfs.kind import SMOOTH
-from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, ON_THE_WAY
 
-FIRST_BLOCK = BLOCKS_PER_BOUNCE // 2  # of a bounce's random numbers: those of refractions
-NO_ROULETTE = -1
+NO_ROULETTE = -1  # a bounce before the first: roulette begins at depth 1, or later
 
 
 @kernel
@@ -92,10 +91,8 @@ def keep_aims(scene, work, count):
     rays, points, aim = work.rays, work.points, work.panes.aim
     for k in range(count):
         i = np.int64(rays.point[k])
-        if (
-            rays.lobe[k] == SMOOTH
-            or not _is_pane(scene, points.prim[i])
-            or not _is_refracted(points, i, column(rays.direction, k))
+        if not _is_pane(scene, points.prim[i]) or not _is_refracted(
+            points, i, column(rays.direction, k)
         ):
             aim[rays.slot[k]] = NO_AIM
 
@@ -125,7 +122,11 @@ def aim_paths(scene, work, count):
 
 @kernel
 def _find_densities(scene, work, count):
-    """Find the lights ahead of `work.panes.rays`, and the density of light samples."""
+    """Find the lights ahead of `work.panes.rays`, and the density of light samples.
+
+    `density[0]` is by ray, `density[1]` by surface point. It is 0 where a lamp does not
+    shine, and where nothing is ahead.
+    """
     lights, settings, state = scene.lights, scene.settings, work.panes
     rays, hits, points, order = state.rays, state.hits, state.points, state.order
     density, zero = state.density, np.int64(0)
@@ -235,43 +236,41 @@ def _find_crossings(scene, work, count):
     groups = scene.pane_groups
     for k in range(groups.shape[0]):
         call(groups[k, ANY_SINGLE], groups[k, RECORD], (shadow, cast, None))
-    crossing = np.int64(0)
+    lights, crossing = scene.lights, np.int64(0)
     for j in range(cast):
         if shadow.blocked[j] != 0:
-            i = order[j]
-            state.crosses[i] = 1
-            state.sampled[points.slot[i]] = samples.light[i]
+            i, light = order[j], samples.light[order[j]]
+            if lights.methods[lights.kind[light], ENVIRONMENT] != 0:
+                light = SKY_AIM
+            state.crosses[i], state.sampled[points.slot[i]] = 1, light
             crossing += 1
     return crossing
 
 
 @kernel
 def _aim_samples(scene, work, cast):
-    """Make rays of the shadow rays whose light is the first ahead; return how many."""
-    lights, shadow, state = scene.lights, work.shadow_rays, work.panes
+    """Make rays of the shadow rays whose end is the first light ahead; return how many."""
+    shadow, state = work.shadow_rays, work.panes
     rays, hits = state.rays, state.hits
     for k in range(cast):
         for c in range(3):
             rays.origin[c, k] = shadow.origin[c, k]
             rays.direction[c, k] = shadow.direction[c, k]
-    reset_hits(hits, np.int64(0), cast)
-    intersect(scene.lamp_groups, rays, hits, np.int64(0), cast, False, None)
+        rays.slot[k], rays.pdf[k] = shadow.slot[k], 0.0
+    _find_densities(scene, work, cast)
     count = np.int64(0)
     for k in range(cast):
-        slot = shadow.slot[k]
-        sampled, light = state.sampled[slot], _light_of(scene, hits.prim[k])
-        if light == SKY_AIM:
-            if lights.methods[lights.kind[sampled], ENVIRONMENT] == 0:
-                continue
-        elif light != sampled:
-            continue
-        state.sampled[slot] = light
-        for c in range(3):
-            rays.origin[c, count] = rays.origin[c, k]
-            rays.direction[c, count] = rays.direction[c, k]
-            rays.throughput[c, count] = shadow.radiance[c, k]
-        rays.slot[count], rays.pdf[count], rays.eta[count] = slot, 0.0, 1.0
-        count += 1
+        if (
+            state.density[0, k] > 0.0
+            and hits.t[k] >= shadow.t_max[k]
+            and _light_of(scene, hits.prim[k]) == state.sampled[shadow.slot[k]]
+        ):
+            for c in range(3):
+                rays.origin[c, count] = rays.origin[c, k]
+                rays.direction[c, count] = rays.direction[c, k]
+                rays.throughput[c, count] = shadow.radiance[c, k]
+            rays.slot[count] = shadow.slot[k]
+            count += 1
     return count
 
 
@@ -282,7 +281,7 @@ def _trace(scene, tile, sample, bounce, work, count):
     rays, hits, points = state.rays, state.hits, state.points
     walk = with_rays_and_points(work, rays, hits, points, state.order, state.ends)
     zero, surfaces = np.int64(0), np.int64(0)
-    while count > 0:
+    while count > 0 and surfaces < MOST_SURFACES:
         reset_hits(hits, zero, count)
         intersect(scene.groups, rays, hits, zero, count, False, None)
         if surfaces > 0:
@@ -294,7 +293,7 @@ def _trace(scene, tile, sample, bounce, work, count):
             if hits.prim[k] >= 0 and not _is_pane(scene, hits.prim[k]):
                 hits.prim[k] = -1
         group_by_bsdf(scene, walk, zero, count)
-        block = FIRST_BLOCK + bounce * BLOCKS_PER_BOUNCE + surfaces
+        block = ON_THE_WAY + bounce * BLOCKS_PER_BOUNCE + surfaces
         end = scatter_by(scene, tile, sample, block, np.int64(NO_ROULETTE), walk)
         count = zero
         for k in range(end):
@@ -303,8 +302,7 @@ def _trace(scene, tile, sample, bounce, work, count):
                     rays.origin[c, count] = rays.origin[c, k]
                     rays.direction[c, count] = rays.direction[c, k]
                     rays.throughput[c, count] = rays.throughput[c, k]
-                rays.slot[count], rays.eta[count] = rays.slot[k], rays.eta[k]
-                rays.pdf[count] = 0.0
+                rays.slot[count] = rays.slot[k]
                 count += 1
 
 

@@ -271,7 +271,8 @@ class PaneWork(NamedTuple):
     # lobe, or `NO_AIM`, `SKY_AIM`; and the weight of that light
     aim: NDArray[np.int32]
     share: NDArray[np.float32]
-    sampled: NDArray[np.int32]  # (slots,) light of each light sample that crosses a pane
+    # (slots,) light of each light sample that crosses a pane; `SKY_AIM`: the environment
+    sampled: NDArray[np.int32]
     crosses: NDArray[np.int32]  # (n,) by surface point: 1 where its light sample does
     # these samples on their way
     rays: Rays
@@ -397,8 +398,7 @@ def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> Media
 
 def _pane_work(capacity: int, slots: int, kinds: int, parameters: int) -> PaneWork:
     """Return the arrays for batches of `capacity` paths; 0 for none of them."""
-    n = 2 * capacity
-    met = _numbers(slots)
+    n, met = 2 * capacity, _numbers(0)
     return PaneWork(
         _numbers(slots),
         _row(slots),

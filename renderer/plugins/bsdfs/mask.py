@@ -1,6 +1,7 @@
 """A BSDF with holes: the share `opacity` of the light meets it, the rest goes straight on.
 
-Shadow rays take it for a wall, holes and all, as they do in Mitsuba's `path`.
+Shadow rays take it for a wall, holes and all, as they do in Mitsuba's `path`; but a mask
+around glass alone is a pane (`renderer.scene.panes`).
 """
 
 from __future__ import annotations

@@ -221,9 +221,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         light_choice=choice,
         finds_sky=finds_sky,
     )
-    if case.reduce and choice == "importance" and _may_go_through_panes(scene, plan):
+    if case.reduce and _may_go_through_panes(scene, plan):
         plan = dataclasses.replace(plan, through_panes=True)
-        why.say("panes", "they refract light samples, so that lamps behind them are found")
+        why.say("panes", "they refract light samples, which find what shines behind them")
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     if plan.kind.splits and plan.mirrors:
@@ -253,12 +253,13 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
     """Return whether the plan allows that panes refract light samples."""
     return (
         plan.kind.trace_through_panes is not None
+        and plan.light_choice == "importance"
         and plan.weigh
         and plan.mirrors
         and plan.caustics
         and plan.strategy == "both"
         and not plan.transparent
-        and plan.max_depth > 3  # camera, surface, both sides of a pane, light
+        and plan.max_depth > 2  # camera to surface, pane, light
         and bool(scene.shapes.pane.any())
     )
 

@@ -189,6 +189,17 @@ def test_nor_in_another_integrator(monkeypatch, settings):
     assert_all_the_same(pictures(monkeypatch, room(**settings), **how))
 
 
+def test_nor_where_panes_refract_light_samples(monkeypatch):
+    camera = sensor((0, -6, 3), (0, 0, 0.5), fov=40, size=(70, 40))
+    lamp = rectangle((0, 0, 4), (1, 0, 0), (0, -1, 0), diffuse(0.0), shine=9.0)
+    pane = rectangle((0, 0, 2.5), (1, 0, 0), (0, 1, 0.5), glass())
+    parts = floor(), sphere(mirror(0.8)), lamp, pane, sky(0.1)
+    loaded = renderer.load_dict(scene(camera, "path", *parts))
+    assert make_plan(loaded).through_panes
+    how = {"spp": SPP, "sampler": "independent", "threads": 2}
+    assert_all_the_same(pictures(monkeypatch, loaded, **how))
+
+
 def glass_under_a_sky():
     """Balls of glass from near: of a sample's many branches three or more add light."""
     camera = sensor((0, -6, 3), (0.9, 0, 0.5), fov=8, size=(96, 64))
