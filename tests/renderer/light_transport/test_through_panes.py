@@ -136,7 +136,7 @@ def test_panes_lose_and_gain_no_light(name):
     The mean of 24 pictures of each, of the whole picture and of four blocks, in three
     colours. They may be 6 standard errors apart, which Student's t with 23 degrees of
     freedom passes with probability 4e-6: 6e-4 for all scenes. Of the whole picture a bias
-    of 4 % is seen for certain. Paths of BSDF samples need 16 times the samples, or a few
+    of 9 % is seen for certain. Paths of BSDF samples need 16 times the samples, or a few
     bright ones would decide.
     """
     depth, parts = SCENES[name]
@@ -155,9 +155,9 @@ def test_panes_lose_and_gain_no_light(name):
         every = np.concatenate((blocks.mean(axis=1, keepdims=True), blocks), axis=1)
         return every.mean(axis=0), every.std(axis=0, ddof=1) / np.sqrt(24)
 
-    (ours, our_error), (theirs, their_error) = means("auto", 256), means("path", 4096)
+    (ours, our_error), (theirs, their_error) = means("auto", 128), means("path", 2048)
     error = np.hypot(our_error, their_error)
-    assert (error[0] < 0.005 * theirs[0]).all()
+    assert (error[0] < 0.01 * theirs[0]).all()
     assert (np.abs(ours - theirs) <= 6 * error + 2e-5 * theirs).all()
 
 
