@@ -120,6 +120,10 @@ def register_whitted(mi: Any) -> None:
                     if not flags & lobe:
                         continue
                     sample, factor = bsdf.sample(context, si, 0.5, unused)
+                    # A BSDF written in Python may sample whatever it has: with a mirror
+                    # on its back, `twosided` samples it for the lobe of the mirror.
+                    if not sample.sampled_type & lobe:
+                        continue
                     branch = weight * factor
                     # With a cutoff of 0 a black ray would still be followed.
                     if max(branch) >= self.cutoff and max(branch) > 0.0:

@@ -249,3 +249,41 @@ def test_facing_mirrors_end():
     }
     pixel = value({"room": room}, look(*ALONG_Z), max_depth=-1, cutoff=0.0)
     assert np.all(pixel == 0.0)
+
+
+def test_a_side_without_mirror_follows_no_mirror():
+    """`twosided` has the lobes of both sides; the BSDF in Python ignores which is sampled.
+
+    It reflects no light that is sampled.
+    """
+    mi = load_mitsuba()
+
+    class Rough(mi.BSDF):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self.m_components = [mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide]
+            self.m_flags = self.m_components[0]
+
+        def sample(self, ctx: Any, si: Any, *_: Any) -> tuple[Any, Any]:
+            chosen = mi.BSDFSample3f(mi.reflect(si.wi))
+            chosen.pdf, chosen.eta = 1.0, 1.0
+            chosen.sampled_type = int(mi.BSDFFlags.GlossyReflection)
+            return chosen, mi.Color3f(1.0)
+
+        def eval(self, *_: Any) -> Any:
+            return mi.Color3f(0.0)
+
+        def pdf(self, *_: Any) -> float:
+            return 0.0
+
+    mi.register_bsdf("rough_in_python", Rough)
+    sides = {
+        "type": "twosided",
+        "a": {"type": "rough_in_python"},
+        "b": {"type": "conductor"},
+    }
+    content = {
+        "floor": {"type": "rectangle", "bsdf": sides},
+        "lamp": wall_light(6.0, 3.0, towards=-1),
+    }
+    assert value(content, look(*ALONG_Z)) == pytest.approx(np.zeros(3))
