@@ -147,9 +147,9 @@ def test_the_kept_rows_have_the_numbers_of_their_page(kept_table):
         name: (number(row.mean), *map(number, row.interval), number(row.worst), row.ahead)
         for name, row in rows.items()
     }
-    assert found[BEST] == ("4.71", "4.52", "4.9", "1.72", 24)
-    assert found["independent"] == ("2.5", "2.4", "2.61", "0.567", 20)
-    assert found["sobol"] == ("4.78", "4.6", "4.97", "1.72", 24)
+    assert found[BEST] == ("5.4", "5.19", "5.62", "2", 24)
+    assert found["independent"] == ("2.81", "2.7", "2.93", "0.567", 20)
+    assert found["sobol"] == ("5.45", "5.25", "5.66", "2.23", 24)
     teapot = kept_table.where(case="appel-teapot")
     assert len(teapot.where(quantity="seconds")) == 37
     assert len(kept_table.where(case="measured-ball", quantity="unavailable")) == 4
