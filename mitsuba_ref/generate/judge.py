@@ -12,9 +12,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_ref.generate.changed_scenes import changed_scenes
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
 from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault
-from mitsuba_ref.generate.moved_camera import AXES, with_camera_turned
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -46,7 +46,7 @@ TIME_LIMIT = 60.0
 
 LIMITS = ReplayLimits(reason="scenes at random", traced=6)
 ROUNDED = 3e-5
-"""Relative: what a pixel without a trace may differ by in addition to what turns change."""
+"""Relative: what a pixel without a trace may differ by in addition to its changes."""
 
 STRICT = ReplayLimits(reason="without a look at causes")
 
@@ -178,7 +178,7 @@ class Judge:
     def _untraced(
         self, found: Judgement, ours: Picture, theirs: Picture, request: RenderRequest
     ) -> Judgement:
-        """Return the class of a scene whose paths cannot be traced, by turns of its camera.
+        """Return the class of a scene whose paths cannot be traced, by changes of it.
 
         Rounding explains a pixel that they change as much as it differs, and one that most
         of them make equal: a wrong formula stays wrong.
@@ -187,21 +187,26 @@ class Judge:
         change, equal = np.zeros(ours.shape[:2]), np.zeros(ours.shape[:2])
         differs = relative_difference(ours, theirs)
         limit = np.where(differs > TOLERANCE, TOLERANCE, ROUNDED)
-        for root in with_camera_turned(ElementTree.parse(path).getroot()):
-            turned = path.with_name("turned.xml")
-            turned.write_text(scene_text(root), encoding="utf-8")
-            moved = replace(request, path=str(turned), box_filter=True, replay=True)
-            again = self._render_ours(moved).pixels
+        tried = 0
+        for root in changed_scenes(ElementTree.parse(path).getroot()):
+            changed = path.with_name("changed.xml")
+            changed.write_text(scene_text(root), encoding="utf-8")
+            moved = replace(request, path=str(changed), box_filter=True, replay=True)
+            try:
+                again = self._render_ours(moved).pixels
+                reference = self._references.get(moved, read_scene(moved).files)
+            except (MitsubaError, SceneError):  # a number was the largest that there may be
+                continue
             change = np.fmax(change, relative_difference(again, ours))
-            reference = self._references.get(moved, read_scene(moved).files)
             equal += relative_difference(again, reference.pixels) <= limit
+            tried += 1
         explained = (change > TOLERANCE) | (differs <= ROUNDED + change)
-        explained |= equal > AXES / 2
+        explained |= equal > tried / 2
         if explained.all():
             return replace(found, verdict=EDGE if differs.max() > TOLERANCE else AMPLIFIED)
         left = np.where(explained, 0.0, differs)
         y, x = (int(k) for k in np.unravel_index(left.argmax(), left.shape))
-        words = f"; turns of the camera do not explain {np.count_nonzero(left)}"
+        words = f"; changes of about a rounding do not explain {np.count_nonzero(left)}"
         return replace(found, sentence=found.sentence + words, pixel=(x, y))
 
 
