@@ -93,6 +93,8 @@ def _texels(texture: BitmapTexture, u: float, v: float) -> tuple[Vector, float, 
     if texture.filter_type != "nearest":
         x, y = x - 0.5, y - 0.5
     left, top = int(np.floor(x)), int(np.floor(y))
+    if texture.filter_type == "nearest":  # on an edge the texel to which v runs
+        top = height - 1 - int(np.floor(t * height))
     rows = [_wrapped(texture, i, height) for i in (top, top + 1)]
     columns = [_wrapped(texture, i, width) for i in (left, left + 1)]
     texels = texture.pixels[np.ix_(rows, columns)].astype(np.float64)

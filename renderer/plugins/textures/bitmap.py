@@ -154,7 +154,10 @@ def _interpolated(bitmaps, texture, point, mask):
     x = point.u * to_f32(width) - half
     y = (1.0 - point.v) * to_f32(height) - half
     x0 = floor(x)
-    y0 = floor(y)
+    # a point on the edge of two texels belongs to the one to which v runs, not the rows;
+    # surfaces without u and v are all on such an edge
+    upwards = to_f32(height) - 1.0 - floor(point.v * to_f32(height))
+    y0 = select(nearest, upwards, floor(y))
     left = wrapped(to_i32(x0), width, mode)
     above = start + wrapped(to_i32(y0), height, mode) * width
     texel = texel_at(bitmaps.texels, above + left, mask)

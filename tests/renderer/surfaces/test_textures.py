@@ -178,6 +178,24 @@ def test_against_mitsuba(picture, tmp_path, k):
     assert np.mean(difference > 2e-4) <= 0.01, np.sort(difference)[::-1][:8]
 
 
+def test_points_on_edges_of_texels_have_those_of_mitsuba(tmp_path):
+    """Where there are no u and v, as on an SDF, all points are at (0, 0), on an edge."""
+    uv = np.array([(0, 0), (1, 1), (1, 0), (0, 1), (-1, 2), (0.5, 0.5)], np.float32)
+    textures = [
+        BitmapTexture(colors(2, 4), "nearest", wrap, TO_UV["as it is"]) for wrap in WRAPS
+    ]
+    material = np.repeat(np.arange(len(textures)), len(uv))
+    place = np.arange(len(textures)), material, np.tile(uv, (len(textures), 1))
+    got = evaluate(textures, *place).reshape(len(textures), len(uv), 3)
+    si = mi.SurfaceInteraction3f()
+    for texture, here in zip(textures, got, strict=True):
+        reference, expected = in_mitsuba(texture, tmp_path), []
+        for u, v in uv.tolist():
+            si.uv = (u, v)
+            expected.append(np.array(reference.eval(si)).ravel())
+        np.testing.assert_allclose(here, expected, atol=1e-6, err_msg=texture.wrap_mode)
+
+
 def test_slopes_are_those_of_mitsuba(tmp_path):
     """Of bump maps: all filters, wraps, sizes and maps of uv, at points all around.
 
