@@ -257,6 +257,15 @@ def turned() -> Floats:
     return strip(*(image.pixels for image in images))
 
 
+def behind_panes() -> Floats:
+    """Return lamps behind glass by BSDF samples alone, and by light samples, too."""
+    from reports.trials.architecture_scenes import architecture_scene
+
+    scene = renderer.load_file(architecture_scene("gallery"), width=300, height=225)
+    pictures = (renderer.render(scene, 256, integrator=name) for name in ("path", "auto"))
+    return strip(*(picture.pixels for picture in pictures))
+
+
 # ------------------------------------------------------------------------------ files
 
 
@@ -268,6 +277,7 @@ def everything() -> dict[str, Callable[[], Floats]]:
         "strip-work": worked,
         "strip-own-bsdf": own_bsdf,
         "strip-turned": turned,
+        "strip-panes": behind_panes,
     }
     for path in sorted(SCENES.glob("*/scene.xml")):
         drawn[path.parent.name] = partial(scene_picture, path.parent.name)
