@@ -71,7 +71,7 @@ class _Clock:
 def stage_times(scene: Scene, spp: int, *, every: int = 1, **options: Any) -> StageTimes:
     """Render a picture with `path` stage by stage, on one thread.
 
-    Panes block light samples, which makes no other stage longer.
+    Panes block light samples here, as with `light_choice="uniform"`.
 
     Parameters
     ----------

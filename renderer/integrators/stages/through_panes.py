@@ -256,6 +256,7 @@ def _aim_samples(scene, work, cast):
         for c in range(3):
             rays.origin[c, k] = shadow.origin[c, k]
             rays.direction[c, k] = shadow.direction[c, k]
+            rays.throughput[c, k] = shadow.radiance[c, k]
         rays.slot[k], rays.pdf[k] = shadow.slot[k], 0.0
     _find_densities(scene, work, cast)
     count = np.int64(0)
@@ -265,13 +266,19 @@ def _aim_samples(scene, work, cast):
             and hits.t[k] >= shadow.t_max[k]
             and _light_of(scene, hits.prim[k]) == state.sampled[shadow.slot[k]]
         ):
-            for c in range(3):
-                rays.origin[c, count] = rays.origin[c, k]
-                rays.direction[c, count] = rays.direction[c, k]
-                rays.throughput[c, count] = shadow.radiance[c, k]
-            rays.slot[count] = shadow.slot[k]
-            count += 1
+            count = _keep_ray(rays, k, count)
     return count
+
+
+@kernel
+def _keep_ray(rays, k, count):
+    """Move ray k behind the first `count`, which are kept; return how many are then."""
+    for c in range(3):
+        rays.origin[c, count] = rays.origin[c, k]
+        rays.direction[c, count] = rays.direction[c, k]
+        rays.throughput[c, count] = rays.throughput[c, k]
+    rays.slot[count] = rays.slot[k]
+    return count + 1
 
 
 @kernel
@@ -298,12 +305,7 @@ def _trace(scene, tile, sample, bounce, work, count):
         count = zero
         for k in range(end):
             if _is_refracted(points, np.int64(rays.point[k]), column(rays.direction, k)):
-                for c in range(3):
-                    rays.origin[c, count] = rays.origin[c, k]
-                    rays.direction[c, count] = rays.direction[c, k]
-                    rays.throughput[c, count] = rays.throughput[c, k]
-                rays.slot[count] = rays.slot[k]
-                count += 1
+                count = _keep_ray(rays, k, count)
 
 
 @kernel

@@ -85,7 +85,7 @@ def _emitted(areas, kind, points, i, light, mask):
 
 
 @kernel
-def _shining(kind, shapes, points, i, count):
+def shining_lights(kind, shapes, points, i, count):
     """Return the lights of points i to i + 15, and a mask of those of a kind that shine."""
     valid = first_lanes(count - i)
     light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
@@ -99,7 +99,7 @@ def lamp_densities(kind, settings, lights, shapes, points, count, density):
     """Store the density [1/sr] of the light samples that would go to `count` points."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
-        light, shining = _shining(kind, shapes, points, i, count)
+        light, shining = shining_lights(kind, shapes, points, i, count)
         if mask_bits(shining) != 0:
             _, pdf = emitted_light(kind.lights, kind, points, i, light, shining)
             store_where(density, 1, i, pdf * probability, shining)
@@ -110,7 +110,7 @@ def add_emission(kind, settings, lights, shapes, points, count, radiance):
     """Add L_e of the lights of one kind that `count` paths have hit."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
-        light, shining = _shining(kind, shapes, points, i, count)
+        light, shining = shining_lights(kind, shapes, points, i, count)
         if mask_bits(shining) == 0:
             continue
         color, light_pdf = emitted_light(kind.lights, kind, points, i, light, shining)

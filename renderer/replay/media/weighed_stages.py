@@ -33,7 +33,7 @@ from renderer.plugins.bsdfs.kind import (
     sample_bsdf,
 )
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.lights.area import add_emission, emitted_light
+from renderer.plugins.lights.area import add_emission, emitted_light, shining_lights
 from renderer.plugins.lights.environment import add_environment, environment_light
 from renderer.plugins.lights.kind import add_lanes, light_probability
 from renderer.plugins.media.phase_functions import eval_phase
@@ -171,11 +171,7 @@ def note_emission(kind, settings, lights, shapes, points, count, found):
     """Do as `add_emission`, but note what is found, with its density."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
-        valid = first_lanes(count - i)
-        light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
-        lamp = valid & (light >= 0)
-        mine = lamp & (gather_row(kind.kind, 0, light, lamp) == kind.index)
-        shining = mine & (dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)
+        light, shining = shining_lights(kind, shapes, points, i, count)
         if mask_bits(shining) == 0:
             continue
         color, pdf = emitted_light(kind.lights, kind, points, i, light, shining)
