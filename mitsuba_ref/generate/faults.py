@@ -6,6 +6,7 @@ such a thing. Headings and reasons are in docs/mitsuba-faults.md.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -21,12 +22,15 @@ class KnownFault(NamedTuple):
     name: str
     undo: Callable[[Element], bool]
     quantities: tuple[str, ...] = ()  # that may differ first; empty: any of a path
+    gives_nan: bool = False  # to Mitsuba's picture
 
     def explains(self, quantity: str) -> bool:
         """Tell whether a difference that begins so may come from it."""
+        if quantity == MITSUBA_NOT_FINITE:
+            return self.gives_nan
         if self.quantities:
             return quantity in self.quantities
-        return not quantity.startswith("Mitsuba") and quantity != "not finite"
+        return not quantity.startswith("Mitsuba") and quantity != NOT_FINITE
 
 
 def _show_emitters(root: Element) -> bool:
@@ -51,7 +55,7 @@ def _take_bumps_off_normal_maps(root: Element) -> bool:
 def _take_bumps_off_shapes_without_uv(root: Element) -> bool:
     """Leave out bump maps where dp/du is 0: what the normal is there, rounding decides."""
     without = [e for e in root.iter("shape") if e.get("type") in ("linearcurve", "sdfgrid")]
-    return sum(map(_take_bumps_off, without)) > 0
+    return _take_bumps_off_shapes(root, without)
 
 
 def _take_bumps_off_mirrored_rectangles(root: Element) -> bool:
@@ -61,7 +65,7 @@ def _take_bumps_off_mirrored_rectangles(root: Element) -> bool:
         for shape in root.iter("shape")
         if shape.get("type") == "rectangle" and _is_mirrored(shape)
     ]
-    return sum(map(_take_bumps_off, mirrored)) > 0
+    return _take_bumps_off_shapes(root, mirrored)
 
 
 def _is_mirrored(shape: Element) -> bool:
@@ -73,6 +77,17 @@ def _is_mirrored(shape: Element) -> bool:
         for number in text.replace(",", " ").split()
     ]
     return sum(factor < 0.0 for factor in factors) % 2 == 1
+
+
+def _take_bumps_off_shapes(root: Element, shapes: list[Element]) -> bool:
+    """Leave out the bump maps of some shapes, which may refer to BSDFs that others keep."""
+    named = {bsdf.get("id"): bsdf for bsdf in root.findall("bsdf")}
+    for shape in shapes:
+        for ref in shape.findall("ref"):
+            if bsdf := copy.deepcopy(named.get(ref.get("id"))):
+                del bsdf.attrib["id"]
+                shape[list(shape).index(ref)] = bsdf
+    return sum(map(_take_bumps_off, shapes)) > 0
 
 
 def _take_bumps_off(outer: Element) -> bool:
@@ -276,9 +291,29 @@ def _even_the_sun(root: Element) -> bool:
     return found
 
 
+def _unblend_principled(root: Element) -> bool:
+    """Make `principled` diffuse in blends.
+
+    From behind it chooses no direction, but says that it has chosen one with a density.
+    """
+    found = False
+    for blend in [e for e in root.iter("bsdf") if e.get("type") == "blendbsdf"]:
+        for bsdf in blend.iter("bsdf"):
+            if bsdf.get("type") == "principled":
+                bsdf.set("type", "diffuse")
+                for child in list(bsdf):
+                    bsdf.remove(child)
+                found = True
+    return found
+
+
 def _show_emitters_to_instances(root: Element) -> bool:
     return has(root, "shape", "instance") and _show_emitters(root)
 
+
+NOT_FINITE = "not finite"
+MITSUBA_NOT_FINITE = "not finite in Mitsuba"
+"""Quantities of a picture with NaN or infinite values: of ours, and of Mitsuba's alone."""
 
 SMALL = 0.05
 """Radius of a cylinder below which rounding of its points is seen."""
@@ -313,9 +348,18 @@ KNOWN_FAULTS = (
     KnownFault("a point on a curve lies off its ray", _leave_out_curves),
     KnownFault("points of small cylinders are off the surface", _leave_out_small_cylinders),
     KnownFault("numbers without jitter on the edge of a choice", _jitter),
-    KnownFault("bumps on a shape without u and v", _take_bumps_off_shapes_without_uv),
+    KnownFault(
+        "bumps on a shape without u and v",
+        _take_bumps_off_shapes_without_uv,
+        gives_nan=True,
+    ),
     KnownFault("bumps on a mirrored rectangle", _take_bumps_off_mirrored_rectangles),
     KnownFault("light behind holes is dropped, which no trace shows", _close_the_room),
+    KnownFault(
+        "principled in a blend, seen from behind",
+        _unblend_principled,
+        ("throughput after", "BSDF pdf", "picture"),
+    ),
     KnownFault(
         "a sun by place and time, to 2e-5",
         _point_to_the_sun,

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.generate.changed_scenes import changed_scenes
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
-from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault
+from mitsuba_ref.generate.faults import (
+    KNOWN_FAULTS,
+    MITSUBA_NOT_FINITE,
+    NOT_FINITE,
+    KnownFault,
+)
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -47,6 +52,9 @@ TIME_LIMIT = 60.0
 LIMITS = ReplayLimits(reason="scenes at random", traced=6)
 ROUNDED = 3e-5
 """Relative: what a pixel without a trace may differ by in addition to its changes."""
+
+TWINS_SHOW = ("face", "goes on")
+"""What parts first where two faces with the same corners are hit, one wound either way."""
 
 STRICT = ReplayLimits(reason="without a look at causes")
 
@@ -162,7 +170,7 @@ class Judge:
             may_be_rounding = untraced or found.verdict in (EDGE, AMPLIFIED)
             if may_be_rounding and _has_coincident_surfaces(request):
                 found = replace(found, verdict=COINCIDENT)
-            if found.quantity == "face" and _has_twin_faces(request):
+            if found.quantity in TWINS_SHOW and _has_twin_faces(request):
                 found = replace(found, verdict=COINCIDENT)
         except NotReplayable as error:
             return Judgement(REFUSED, str(error), "NotReplayable")
@@ -235,9 +243,10 @@ def _class_of(result: ReplayResult, ours: Picture, theirs: Picture) -> Judgement
         if both.any() and np.allclose(
             np.where(both, 0.0, ours), np.where(both, 0.0, theirs), rtol=1e-3, atol=1e-6
         ):
-            return Judgement(AGREE, "the same values are not finite in both", "not finite")
+            return Judgement(AGREE, "the same values are not finite in both", NOT_FINITE)
         y, x = (int(k) for k in np.argwhere(~np.isfinite(ours + theirs))[0][:2])
-        return Judgement(UNKNOWN, sentence, "not finite", (x, y))
+        quantity = NOT_FINITE if not np.isfinite(ours).all() else MITSUBA_NOT_FINITE
+        return Judgement(UNKNOWN, sentence, quantity, (x, y))
     if result.partings:  # of a pixel that rounding does not explain
         first = result.partings[0]
         return Judgement(UNKNOWN, sentence, first.quantity, (first.x, first.y))

@@ -195,8 +195,9 @@ class StepByStep:
             stages.list_step(scene, packed, 1)
             smooth = stages.prepare_step(scene, packed)
             if moved is not None and moved.segment == bounce:
-                point = work.points.position
-                point[:, 0] = point[:, 0].astype(np.float64) + moved.hit
+                # a hit stands in the list of each kind of BSDF that its shape has
+                point = work.points.position[:, : int(work.ends.max())]
+                point[:] = point.astype(np.float64) + np.reshape(moved.hit, (3, 1))
             lights = self._sample_lights(tile, sample, bounce, smooth)
             scattered = self._scatter(tile, sample, bounce)
             left_out = smooth > 0 and not self._job.plan.follow
@@ -244,24 +245,27 @@ class StepByStep:
             origin = _column(self._work.shadow_rays.origin) if cast else None
             blocked = None if cast == 0 else not self._work.radiance[:, 0].any()
             self._work.radiance[:, 0] += before
-            if self._work.points.bsdf[0] >= 0:
-                asked.append(self._light_asked(blocked, origin))
+            shown = np.flatnonzero(self._work.points.bsdf[:count] >= 0)
+            if len(shown) > 0:
+                asked.append(self._light_asked(int(shown[0]), blocked, origin))
         return tuple(asked)
 
-    def _light_asked(self, blocked: bool | None, origin: Vector | None) -> LightAsked:
-        """Write down the light just sampled; None: no shadow ray was cast."""
+    def _light_asked(
+        self, i: int, blocked: bool | None, origin: Vector | None
+    ) -> LightAsked:
+        """Write down the light sampled at listed point i; None: no shadow ray was cast."""
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
-        light = int(samples.light[0])
+        light = int(samples.light[i])
         far = self._light_names[light].startswith("far ")
         # 1 if all lights were sampled, or if samples contain the probability
         every = self._record.settings.every_light or len(self._record.lights.choice)
         probability = np.float32(1.0 if every else 1.0 / self._record.lights.count)
-        weight = samples.radiance[:, :1] * (np.float32(1.0) / probability)
+        weight = samples.radiance[:, i : i + 1] * (np.float32(1.0) / probability)
         return LightAsked(
             light=self._light_names[light].removeprefix("far "),
-            direction=_column(samples.wi),
-            distance=math.inf if far else float(samples.distance[0]),
-            pdf=float(samples.pdf[0] * probability),
+            direction=_column(samples.wi[:, i:]),
+            distance=math.inf if far else float(samples.distance[i]),
+            pdf=float(samples.pdf[i] * probability),
             weight=_column(weight),
             carried=BLACK if blocked is None else _column(shadow_rays.radiance),
             blocked=blocked,

@@ -212,11 +212,16 @@ def _density_normal(arithmetic, flat, smooth):
 @seen_from.by(AsMitsuba)
 @kernel
 def _seen_from(arithmetic, points, i):
-    """Go back to the exact point that the ray has left."""
+    """Go back to the exact point that the ray has left.
+
+    From there a lamp may be seen from behind, which Mitsuba gives the density 0, although
+    the ray has met its front: the ray starts a ray offset away.
+    """
     previous = load3(points.previous, i)
     back = previous - load3(points.position, i)
     distance = length(back)
-    cosine = fabs(dot(back, load3(points.shading_normal, i))) / distance
+    faces = dot(back, load3(points.shading_normal, i))
+    cosine = select(faces > 0.0, faces / distance, np.float32(np.inf))
     return previous, distance, cosine
 
 

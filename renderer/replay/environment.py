@@ -99,10 +99,11 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     density = importance(luminance, sine, compensated=compensated)
     flat = importance(luminance, np.ones_like(sine), compensated=compensated)
     total = float(density.sum(dtype=np.float64))
-    if total == 0.0:
+    if not density[1:-1].any():
         raise NotReplayable(
             "sampler 'mitsuba': the envmap is black, or shines in its first and last row "
-            "alone, so that Mitsuba has no densities; possible is one that shines"
+            "alone (with mis_compensation: more than its mean), so that Mitsuba has no "
+            "densities but what rounding leaves; possible is one that shines elsewhere"
         )
     warp = make_warp(density)
     share = _SINE * float(flat.sum(dtype=np.float64)) / total
