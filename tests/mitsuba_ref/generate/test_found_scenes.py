@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mitsuba_ref.generate.drawing import DrawnScene
+from mitsuba_ref.generate.faults import KNOWN_FAULTS, MITSUBA_NOT_FINITE, NOT_FINITE
 from mitsuba_ref.generate.files import png_bytes
-from mitsuba_ref.generate.judge import AGREE, FAULT, UNKNOWN, Judge, Judgement
+from mitsuba_ref.generate.judge import AGREE, FAULT, REFUSED, UNKNOWN, Judge, Judgement
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from mitsuba_ref.replay.explained_pixel import _begin_apart
@@ -31,6 +32,26 @@ TURNED_BUMPS = """<shape type="rectangle"><bsdf type="bumpmap"><bsdf type="diffu
 <texture type="bitmap"><boolean name="raw" value="true"/>
 <string name="filename" value="column.png"/><transform name="to_uv">
 <scale x="1.6" y="0.04"/><rotate z="1" angle="53"/></transform></texture></bsdf></shape>"""
+VALLEY = [f"v {x} {y} {x * x}" for y in (-1, 1) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+VALLEY += [f"f {i} {i + 1} {i + 6} {i + 5}" for i in range(1, 5)]
+GLOWING_VALLEY = """<shape type="obj"><string name="filename" value="valley.obj"/>
+<transform name="to_world"><scale value="0.003"/></transform>
+<emitter type="area"/></shape>"""
+CLOSE = """<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="0.4"/>
+<transform name="to_world"><lookat origin="0, 0, 1" target="0, 0, 0" up="0, 1, 0"/>
+</transform><film type="hdrfilm"><integer name="width" value="16"/>
+<integer name="height" value="16"/></film>
+<sampler type="independent"><integer name="sample_count" value="64"/></sampler></sensor>
+<integrator type="path"/>{content}</scene>"""
+POLES = """<shape type="rectangle"/><emitter type="envmap">
+<string name="filename" value="poles.png"/><boolean name="mis_compensation" value="true"/>
+</emitter>"""
+BRIGHT_POLES = {"poles.png": png_bytes(np.array([[[0.9]], [[0.3]], [[0.8]]]), 8)}
+BUMPS = """<bsdf type="bumpmap" id="bumps"><bsdf type="roughdielectric"/>
+<texture type="checkerboard"/></bsdf><shape type="linearcurve">
+<string name="filename" value="curve.txt"/><ref id="bumps"/></shape>
+<shape type="rectangle"/>"""
+CURVE = {"curve.txt": b"-1 0 0 0.3\n1 0 0 0.3\n"}
 COLUMN = {"column.png": png_bytes(np.array([[[0.2]], [[0.8]]]), 8)}
 AOVS = '<string name="aovs" value="n:geo_normal"/><integrator type="path" name="inside"/>'
 
@@ -41,8 +62,8 @@ def judge(tmp_path_factory):
         yield Judge(render_ours, worker.render, tmp_path_factory.mktemp("found"))
 
 
-def scene(integrator, content, inside="", pixels="rgb", files=None):
-    text = SCENE.format(
+def scene(integrator, content, inside="", pixels="rgb", files=None, frame=SCENE):
+    text = frame.format(
         integrator=integrator, content=content, inside=inside, pixels=pixels
     )
     root = ET.fromstring(text)
@@ -58,18 +79,44 @@ def scene(integrator, content, inside="", pixels="rgb", files=None):
         scene("aov", '<shape type="rectangle"/>' + LAMP, AOVS, "rgba"),
         scene("path", SKY),
         scene("path", TURNED_BUMPS + LAMP, files=COLUMN),
+        scene(
+            "path",
+            GLOWING_VALLEY,
+            files={"valley.obj": "\n".join(VALLEY).encode()},
+            frame=CLOSE,
+        ),
     ],
     ids=[
         "whitted hides lamps from instances",
         "colours of aov in rgba",
         "ground of a sky",
         "slopes of an image of one column, turned",
+        "a lamp that is seen from behind from where the ray began, but for its offset",
     ],
 )
 def test_what_was_mended_agrees(drawn, judge):
     found = judge.judge(drawn)
     assert found.verdict == AGREE, found.sentence
     assert found.brightness > 0.0
+
+
+def test_a_sky_that_shines_at_its_poles_alone_is_refused(judge):
+    """Mitsuba's densities there are the rounding of a sine."""
+    found = judge.judge(scene("path", POLES, files=BRIGHT_POLES))
+    assert found.verdict == REFUSED
+    assert "more than its mean" in found.sentence
+
+
+def test_bumps_that_shapes_share_are_left_out():
+    """NaN in Mitsuba's picture has a cause, and the BSDF of a reference can be one."""
+    drawn = scene("volpath", BUMPS + LAMP, files=CURVE)
+    (fault,) = (f for f in KNOWN_FAULTS if f.name == "bumps on a shape without u and v")
+    assert fault.explains(MITSUBA_NOT_FINITE)
+    assert not fault.explains(NOT_FINITE)
+    assert fault.undo(drawn.root)
+    assert drawn.root.find("shape/bsdf").get("type") == "roughdielectric"
+    assert drawn.root.find("bsdf").get("type") == "bumpmap"
+    assert not fault.undo(drawn.root)
 
 
 def test_path_still_ends_where_it_hides_lamps_and_meets_an_instance(judge):

@@ -5,6 +5,7 @@ The Cornell box at 12 x 12 pixels, so that the kernels are those of other tests.
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import VERDICTS
+from mitsuba_ref.replay.paths.path_comparison import compare_paths, first_difference
 from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -68,6 +70,25 @@ def test_the_paths_of_the_colours_are_traced_inside_other_integrators(
     plain = pair.trace((5, 4), 2)
     assert [path.numbers for path in wrapped] == [path.numbers for path in plain]
     assert [path.radiance for path in wrapped] == [path.radiance for path in plain]
+
+
+def test_sides_of_two_kinds_have_their_lights_in_a_trace(tmp_path):
+    """The hit stands in the lists of both kinds, and first in that of the wrong one."""
+    scene = tmp_path / "scene.xml"
+    for sides in (("diffuse", "plastic"), ("plastic", "diffuse")):
+        inside = "".join(f'<bsdf type="{side}"/>' for side in sides)
+        walls = rf'<bsdf type="twosided" id="\1">{inside}</bsdf>'
+        named = r'<bsdf type="diffuse" id="(\w+)">.*?</bsdf>'
+        scene.write_text(re.sub(named, walls, BOX.read_text(), flags=re.DOTALL))
+        with TracedPair(RenderRequest(str(scene), SIZE, spp=3, seed=5)) as both:
+            mine, other = both.trace((5, 9), 0)
+        lights = [
+            [ask.light for hit in path.bounces for ask in hit.lights]
+            for path in (mine, other)
+        ]
+        assert lights[0] == lights[1]
+        assert lights[0]
+        assert first_difference(compare_paths(mine, other)) is None
 
 
 def test_a_blocked_light_is_told_from_one_that_is_seen(pair):
