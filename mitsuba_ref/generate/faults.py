@@ -6,6 +6,7 @@ such a thing. Headings and reasons are in docs/mitsuba-faults.md.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -27,6 +28,19 @@ class KnownFault(NamedTuple):
         if self.quantities:
             return quantity in self.quantities
         return not quantity.startswith("Mitsuba") and quantity != "not finite"
+
+
+def give_own_bsdfs(root: Element) -> None:
+    """Replace references to shared BSDFs by copies, so that a fault is undone in some."""
+    shared = {bsdf.get("id"): bsdf for bsdf in root.findall("bsdf[@id]")}
+    for parent in list(root.iter("shape")):
+        for ref in parent.findall("ref"):
+            if ref.get("id") in shared:
+                own = copy.deepcopy(shared[ref.get("id")])
+                del own.attrib["id"]
+                parent[list(parent).index(ref)] = own
+    for bsdf in shared.values():
+        root.remove(bsdf)
 
 
 def _show_emitters(root: Element) -> bool:
@@ -62,6 +76,19 @@ def _take_bumps_off_mirrored_rectangles(root: Element) -> bool:
         if shape.get("type") == "rectangle" and _is_mirrored(shape)
     ]
     return sum(map(_take_bumps_off, mirrored)) > 0
+
+
+def _mirror_no_rectangles(root: Element) -> bool:
+    """Leave mirrored rectangles unmirrored where the picture shows geometric normals."""
+    shown = root.find("integrator[@type='aov']/string[@name='aovs']")
+    if shown is None or "geo_normal" not in shown.get("value", ""):
+        return False
+    mirrored = [s for s in root.iter("shape") if s.get("type") == "rectangle"]
+    mirrored = [shape for shape in mirrored if _is_mirrored(shape)]
+    for scale in (scale for shape in mirrored for scale in shape.iter("scale")):
+        for axis, text in scale.attrib.items():
+            scale.set(axis, text.replace("-", ""))
+    return bool(mirrored)
 
 
 def _is_mirrored(shape: Element) -> bool:
@@ -136,7 +163,7 @@ def _coat_lamps(root: Element) -> bool:
     found = False
     for shape in root.iter("shape"):
         if shape.get("type") == "sphere" and shape.find("emitter") is not None:
-            for bsdf in [*shape.findall("bsdf"), *shape.findall("ref")]:
+            for bsdf in shape.findall("bsdf"):
                 shape.remove(bsdf)
                 found = True
     return found
@@ -315,6 +342,7 @@ KNOWN_FAULTS = (
     KnownFault("numbers without jitter on the edge of a choice", _jitter),
     KnownFault("bumps on a shape without u and v", _take_bumps_off_shapes_without_uv),
     KnownFault("bumps on a mirrored rectangle", _take_bumps_off_mirrored_rectangles),
+    KnownFault("geo_normal of a mirrored rectangle", _mirror_no_rectangles, ("picture",)),
     KnownFault("light behind holes is dropped, which no trace shows", _close_the_room),
     KnownFault(
         "a sun by place and time, to 2e-5",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.generate.changed_scenes import changed_scenes
 from mitsuba_ref.generate.drawing import DrawnScene, scene_text
-from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault
+from mitsuba_ref.generate.faults import KNOWN_FAULTS, KnownFault, give_own_bsdfs
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -216,6 +216,7 @@ def _without_faults(
     """Yield faults that may explain a difference, each with the scene without it."""
     for fault in KNOWN_FAULTS:
         root = copy.deepcopy(scene.root)
+        give_own_bsdfs(root)
         if fault.explains(quantity) and fault.undo(root):
             yield fault, scene._replace(root=root)
 

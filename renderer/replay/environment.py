@@ -91,7 +91,8 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     Raises
     ------
     NotReplayable
-        If Mitsuba has no choice of directions: it divides by their sum.
+        If Mitsuba has no choice of directions: it divides by their sum, which is 0, or
+        negative by its sine of the last row.
     """
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     compensated = sky.mis_compensation
@@ -99,7 +100,7 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     density = importance(luminance, sine, compensated=compensated)
     flat = importance(luminance, np.ones_like(sine), compensated=compensated)
     total = float(density.sum(dtype=np.float64))
-    if total == 0.0:
+    if total <= 0.0:
         raise NotReplayable(
             "sampler 'mitsuba': the envmap is black, or shines in its first and last row "
             "alone, so that Mitsuba has no densities; possible is one that shines"

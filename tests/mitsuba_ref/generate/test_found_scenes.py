@@ -32,6 +32,11 @@ TURNED_BUMPS = """<shape type="rectangle"><bsdf type="bumpmap"><bsdf type="diffu
 <string name="filename" value="column.png"/><transform name="to_uv">
 <scale x="1.6" y="0.04"/><rotate z="1" angle="53"/></transform></texture></bsdf></shape>"""
 COLUMN = {"column.png": png_bytes(np.array([[[0.2]], [[0.8]]]), 8)}
+MIRRORED = """<shape type="rectangle">{bsdf}<transform name="to_world">
+<scale x="-1"/></transform></shape>"""
+BUMPS = """<bsdf type="bumpmap" id="shared"><bsdf type="diffuse"/><texture
+type="uniform"><float name="value" value="0.5"/></texture></bsdf>"""
+NORMALS = '<string name="aovs" value="n:geo_normal"/>'
 AOVS = '<string name="aovs" value="n:geo_normal"/><integrator type="path" name="inside"/>'
 
 
@@ -77,6 +82,25 @@ def test_path_still_ends_where_it_hides_lamps_and_meets_an_instance(judge):
     found = judge.judge(scene("path", INSTANCE + LAMP, HIDDEN))
     assert found.verdict == FAULT
     assert found.quantity == "path ends where it hides lamps and meets an instance"
+
+
+@pytest.mark.parametrize(
+    ("drawn", "fault"),
+    [
+        (
+            scene("aov", MIRRORED.format(bsdf=""), NORMALS),
+            "geo_normal of a mirrored rectangle",
+        ),
+        (
+            scene("path", BUMPS + MIRRORED.format(bsdf='<ref id="shared"/>') + LAMP),
+            "bumps on a mirrored rectangle",
+        ),
+    ],
+    ids=["geometric normals", "bumps of a shared BSDF"],
+)
+def test_a_mirrored_rectangle_is_a_known_fault(drawn, fault, judge):
+    found = judge.judge(drawn)
+    assert (found.verdict, found.quantity) == (FAULT, fault), found.sentence
 
 
 def test_a_number_that_one_side_does_not_draw_shifts_nothing():
