@@ -36,6 +36,10 @@ MIRRORED = """<shape type="rectangle">{bsdf}<transform name="to_world">
 <scale x="-1"/></transform></shape>"""
 BUMPS = """<bsdf type="bumpmap" id="shared"><bsdf type="diffuse"/><texture
 type="uniform"><float name="value" value="0.5"/></texture></bsdf>"""
+ENDLESS = """<emitter type="constant"/><shape type="cube"><transform name="to_world">
+<scale value="9"/></transform><boolean name="flip_normals" value="true"/>
+<bsdf type="null"/><medium type="homogeneous" name="interior">
+<float name="sigma_t" value="0.1"/></medium></shape>"""
 NORMALS = '<string name="aovs" value="n:geo_normal"/>'
 AOVS = '<string name="aovs" value="n:geo_normal"/><integrator type="path" name="inside"/>'
 
@@ -95,10 +99,14 @@ def test_path_still_ends_where_it_hides_lamps_and_meets_an_instance(judge):
             scene("path", BUMPS + MIRRORED.format(bsdf='<ref id="shared"/>') + LAMP),
             "bumps on a mirrored rectangle",
         ),
+        (
+            scene("volpath", ENDLESS),
+            "a shadow ray to a light at infinity is turned by the ray offset",
+        ),
     ],
-    ids=["geometric normals", "bumps of a shared BSDF"],
+    ids=["geometric normals", "bumps of a shared BSDF", "a medium without end"],
 )
-def test_a_mirrored_rectangle_is_a_known_fault(drawn, fault, judge):
+def test_what_is_a_known_fault(drawn, fault, judge):
     found = judge.judge(drawn)
     assert (found.verdict, found.quantity) == (FAULT, fault), found.sentence
 
