@@ -19,6 +19,7 @@ from mitsuba_ref.generate.faults import (
     MITSUBA_NOT_FINITE,
     NOT_FINITE,
     KnownFault,
+    give_own_bsdfs,
 )
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
@@ -224,6 +225,7 @@ def _without_faults(
     """Yield faults that may explain a difference, each with the scene without it."""
     for fault in KNOWN_FAULTS:
         root = copy.deepcopy(scene.root)
+        give_own_bsdfs(root)
         if fault.explains(quantity) and fault.undo(root):
             yield fault, scene._replace(root=root)
 

@@ -91,7 +91,8 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     Raises
     ------
     NotReplayable
-        If Mitsuba has no choice of directions: it divides by their sum.
+        If Mitsuba has no choice of directions: it divides by their sum, which is 0, or
+        negative by its sine of the last row.
     """
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     compensated = sky.mis_compensation

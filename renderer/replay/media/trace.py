@@ -167,6 +167,35 @@ def _drop_own_planes(order, tile, work, points, count):
 
 
 @kernel
+def _begin_shadow_rays(order, tile, state, kept, end, at_surfaces):
+    """Keep one ray of each path, of those from `kept` to `end`; return the new end.
+
+    A point that stands in two groups has two: all of them may be more than there is room.
+    """
+    rays = state.rays
+    for k in range(kept, end):
+        slot = rays.slot[k]
+        pixel = pixel_of(tile, slot)
+        if order.replay.numbers[PASSED, pixel] != TO_DO:
+            continue
+        nothing_passes(order.replay, pixel)
+        begin_shadow_ray(order.carry, pixel)
+        for c in range(3):
+            rays.origin[c, kept] = rays.origin[c, k]
+            rays.direction[c, kept] = rays.direction[c, k]
+            rays.throughput[c, kept] = rays.throughput[c, k]
+        medium = state.medium[slot]
+        if at_surfaces:
+            normal, direction = column(state.normal, slot), column(rays.direction, k)
+            media, shape = order.scene.media, state.shape[slot]
+            medium = medium_behind(media, shape, normal, direction, medium)
+        rays.slot[kept], rays.point[kept] = slot, kept
+        state.inside[kept], state.rest[kept] = medium, state.rest[k]
+        kept += 1
+    return kept
+
+
+@kernel
 def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     """Note by pixel what the shadow rays of the first `count` points let through."""
     scene, replay, state = order.scene, order.replay, work.media
@@ -174,7 +203,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     if at_surfaces:
         _drop_own_planes(order, tile, work, points, count)
     before_light = np.float32(scene.settings.before_light)
-    carry, end = order.carry, np.int64(0)
+    carry, kept = order.carry, np.int64(0)
     for i in range(0, count, 16):
         slot = load_row(points.slot, 0, i)
         throughput = throughput_to_light(carry, load3(points.throughput, i))
@@ -183,32 +212,13 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         origin = load3(points.position, i)
         if at_surfaces:
             origin, wi, distance = shadow_rays_to(points, i, wi, distance)
-        append3(rays.origin, end, origin, wanted)
-        append3(rays.direction, end, wi, wanted)
-        append3(rays.throughput, end, throughput, wanted)
-        append_row(rays.slot, 0, end, slot, wanted)
-        append_row(state.rest, 0, end, distance * before_light, wanted)
-        end += popcount(mask_bits(wanted))
-    kept = np.int64(0)
-    for k in range(end):
-        slot = rays.slot[k]
-        pixel = pixel_of(tile, slot)
-        if replay.numbers[PASSED, pixel] != TO_DO:  # the point stands in two groups
-            continue
-        nothing_passes(replay, pixel)
-        begin_shadow_ray(carry, pixel)
-        for c in range(3):
-            rays.origin[c, kept] = rays.origin[c, k]
-            rays.direction[c, kept] = rays.direction[c, k]
-            rays.throughput[c, kept] = rays.throughput[c, k]
-        medium = state.medium[slot]
-        if at_surfaces:
-            normal, direction = column(state.normal, slot), column(rays.direction, k)
-            shape = state.shape[slot]
-            medium = medium_behind(scene.media, shape, normal, direction, medium)
-        rays.slot[kept], rays.point[kept] = slot, kept
-        state.inside[kept], state.rest[kept] = medium, state.rest[k]
-        kept += 1
+        append3(rays.origin, kept, origin, wanted)
+        append3(rays.direction, kept, wi, wanted)
+        append3(rays.throughput, kept, throughput, wanted)
+        append_row(rays.slot, 0, kept, slot, wanted)
+        append_row(state.rest, 0, kept, distance * before_light, wanted)
+        end = kept + popcount(mask_bits(wanted))
+        kept = _begin_shadow_rays(order, tile, state, kept, end, at_surfaces)
     walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
     surfaces = 0
     while kept > 0 and surfaces < MOST_SURFACES:

@@ -207,9 +207,12 @@ def test_what_luminance_cannot_choose_is_chosen_evenly(tmp_path, bright, compens
     np.testing.assert_allclose(picture.mean(), expected, rtol=0.1)
 
 
-def test_it_is_not_replayed(tmp_path):
-    """Mitsuba divides by the sum of all densities, which is 0."""
-    dark = write_map(tmp_path / "sky.exr", np.zeros((4, 8, 3), np.float32))
+@pytest.mark.parametrize("last_row", [0.0, 1.0])
+def test_it_is_not_replayed(tmp_path, last_row):
+    """Mitsuba divides by the sum of all densities, which is 0, or negative by rounding."""
+    image = np.zeros((4, 8, 3), np.float32)
+    image[-1] = last_row
+    dark = write_map(tmp_path / "sky.exr", image)
     sky = {"type": "envmap", "filename": dark}
     view = sensor((0, -5, 0), (0, 0, 0), size=(4, 4), fov=5.0)
     dim = renderer.load_dict(scene(view, "path", sphere(diffuse(0.6)), sky))

@@ -24,6 +24,7 @@ import renderer
 from renderer.command.cli import main
 from renderer.command.plan_text import plan_text
 from renderer.errors import NotReplayable
+from renderer.kernels.records import batch
 from renderer.rendering.planning.make_plan import make_plan
 
 CORNELL_BOX = Path(__file__).parents[3] / "scenes" / "cornell-box" / "scene.xml"
@@ -92,6 +93,23 @@ def test_volpathmis_is_replayed_in_its_own_order(spectral):
     assert (plan.method, plan.mis_densities) == ("volpath", 3 if spectral else 1)
     named = make_plan(scene, sampler="mitsuba", integrator="volpath")
     assert (named.method, named.mis_densities) == ("volpath", 0)
+
+
+def test_shadow_rays_of_two_groups_have_room(monkeypatch):
+    """A point of a two-sided BSDF of two kinds stands in two; its path has one ray."""
+    beyond, rows = [], batch._rows
+
+    def longer(count, capacity):
+        made = rows(count + 1, capacity)
+        beyond.append(made[count])
+        return made[:count]
+
+    monkeypatch.setattr(batch, "_rows", longer)
+    sides = {"type": "twosided", "a": diffuse(0.5), "b": {"type": "roughconductor"}}
+    wall = rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), sides)
+    renderer.render(loaded("volpath", wall, point_light((0, -1, 3))), sampler="mitsuba")
+    assert beyond
+    assert not any(row.any() for row in beyond)
 
 
 def test_the_explanation_says_whose_numbers_they_are():
