@@ -360,7 +360,11 @@ KNOWN_FAULTS = (
     ),
     KnownFault("a texel that ends at the joint of a curve", _move_textures_of_curves),
     KnownFault("a picture on a turned sphere is sampled elsewhere", _turn_lamps_back),
-    KnownFault("numbers of ldsampler never end a path", _end_paths, ("MitsubaTimeout",)),
+    KnownFault(
+        "numbers of ldsampler never end a path",
+        _end_paths,
+        ("MitsubaTimeout", "picture"),
+    ),
     KnownFault("sh_normal of a bump map", _show_no_normals_of_bumps, ("picture",)),
     KnownFault("a point on a curve lies off its ray", _leave_out_curves),
     KnownFault("points of small cylinders are off the surface", _leave_out_small_cylinders),
