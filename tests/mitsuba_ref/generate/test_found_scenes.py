@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_ref.generate.drawing import DrawnScene
+from mitsuba_ref.generate.faults import KNOWN_FAULTS
 from mitsuba_ref.generate.files import png_bytes
 from mitsuba_ref.generate.judge import AGREE, FAULT, UNKNOWN, Judge, Judgement
 from mitsuba_ref.our_renderer.picture import render_ours
@@ -83,6 +84,15 @@ def test_a_number_that_one_side_does_not_draw_shifts_nothing():
     """Ours has none for the time of an open shutter."""
     assert not _begin_apart({"film x": 0.5}, {"film x": 0.5, "time": 0.1})
     assert _begin_apart({"film x": 0.5}, {"film x": 0.25, "time": 0.1})
+
+
+@pytest.mark.parametrize(("error", "may_be"), [(2e-5, True), (2e-3, False), (0.0, False)])
+def test_what_rounds_in_mitsuba_explains_no_more_than_its_rounding(error, may_be):
+    """0 stands for an error that has no number."""
+    rounded = [fault for fault in KNOWN_FAULTS if fault.most < np.inf]
+    assert len(rounded) >= 3
+    for fault in rounded:
+        assert fault.explains(fault.quantities[0], error) == may_be
 
 
 def test_no_scene_is_judged_twice(monkeypatch, tmp_path):
