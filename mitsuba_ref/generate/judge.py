@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -69,6 +70,7 @@ class Judgement:
     quantity: str = ""  # the first that differs; the name of an error
     pixel: tuple[int, int] | None = None  # where: x, y
     brightness: float = 0.0  # mean of Mitsuba's picture
+    error: float = 0.0  # relative, of that quantity; 0: it has none
 
 
 def write_scene(scene: DrawnScene, folder: Path) -> Path:
@@ -130,7 +132,7 @@ class Judge:
         if found.verdict not in UNCLASSED:
             return found
         left = []
-        for fault, undone in _without_faults(scene, found.quantity):
+        for fault, undone in _without_faults(scene, found):
             if (text := scene_text(undone.root)) not in tried:
                 tried.add(text)
                 after = self._judge(undone)
@@ -220,13 +222,13 @@ class Judge:
 
 
 def _without_faults(
-    scene: DrawnScene, quantity: str
+    scene: DrawnScene, found: Judgement
 ) -> Iterator[tuple[KnownFault, DrawnScene]]:
     """Yield faults that may explain a difference, each with the scene without it."""
     for fault in KNOWN_FAULTS:
         root = copy.deepcopy(scene.root)
         give_own_bsdfs(root)
-        if fault.explains(quantity) and fault.undo(root):
+        if fault.explains(found.quantity, found.error) and fault.undo(root):
             yield fault, scene._replace(root=root)
 
 
@@ -251,7 +253,9 @@ def _class_of(result: ReplayResult, ours: Picture, theirs: Picture) -> Judgement
         return Judgement(UNKNOWN, sentence, quantity, (x, y))
     if result.partings:  # of a pixel that rounding does not explain
         first = result.partings[0]
-        return Judgement(UNKNOWN, sentence, first.quantity, (first.x, first.y))
+        errors = [parting.error or math.inf for parting in result.partings]
+        where, error = (first.x, first.y), max(errors) if max(errors) < math.inf else 0.0
+        return Judgement(UNKNOWN, sentence, first.quantity, where, error=error)
     if result.explained:
         # without a move of a ray, differences have grown from bounce to bounce
         return Judgement(EDGE if "by moves of" in sentence else AMPLIFIED, sentence)

@@ -130,6 +130,8 @@ class LedPath:
             if name == "throughput" and error <= EXACT + 2.0 * after:
                 continue  # that after the bounce before, over the chance of roulette
             after = error if name == "throughput after" else after
+            if name == "BSDF pdf" and not self._finds_light(bounce + 1):
+                continue
             chosen = found.get((bounce, "BSDF pdf", turn))
             if error <= (allowed := _inexact(quantity, chosen)):
                 continue
@@ -148,6 +150,11 @@ class LedPath:
                 return Finding(False, _unexplained(total), 0.0, total, SUM)
         last = explained[-1] if explained else None
         return Finding(True, _words(explained, largest), largest, last, limit)
+
+    def _finds_light(self, bounce: int) -> bool:
+        """Tell whether a path meets a lamp: else the density of its direction is unused."""
+        paths = self._led, self._reference
+        return any(any(b.emitted) for p in paths for b in p.bounces[bounce : bounce + 1])
 
     def _smallest_step(self, key: Key, quantity: Quantity) -> float | None:
         """Return the size of the first move that explains a quantity; None if none does."""

@@ -30,6 +30,8 @@ _Y = 106.7502593994140625
 _SUN_TO_RGB = 467.069280386
 _BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
 _BELOW_ONE = 1.0 - 2.0**-24
+# 1 - x^2 / 2 + x^4 (...) up to 45 degrees, of DrJit.
+_COSINE = (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5)
 # The cosine of a right angle in single precision: in Mitsuba a lower sun gives no light.
 _HORIZON = 4.4e-8
 
@@ -44,7 +46,7 @@ class Sky(NamedTuple):
     disk: Array  # (3,) radiance of a sun of one colour
     limb: Array  # (45, 3, 4, 6) of one with a limb, by segment of elevation
     cosine: float  # of half the aperture, a float32: where the sun ends
-    share: float  # of samples that go to the sky, not to the sun
+    share: float  # of samples that go to the sky, a float32; the sun has the rest of 1
     warp: Array  # (5,) share of the peak, slope of the rest; the peak's mean and deviations
     mean: float  # radiance over all directions, sun included
 
@@ -107,7 +109,7 @@ def make_sky(light: SunSky) -> Sky:
         irradiance / (2.0 * math.pi * (1.0 - real)) * sun_scale,
         of_turbidity["sun_radiance"] * sun_scale,
         cosine,
-        sky_power / both if both > 0.0 else 0.0,
+        float(np.float32(sky_power / both)) if both > 0.0 else 0.0,
         between(of_turbidity["warp"], warp_step),
         risen * (sky_power + sun_power) * _SUN_TO_RGB / _Y / (4.0 * math.pi),
     )
@@ -116,10 +118,20 @@ def make_sky(light: SunSky) -> Sky:
 def half_cosine(aperture: float) -> float:
     """Return the cosine of half an angle [deg], as Mitsuba's in single precision.
 
-    The solid angle, 2 pi (1 - cosine), is 0.2 % off for the real sun, there as here.
+    The solid angle, 2 pi (1 - cosine), is 0.2 % off for the real sun, there as here: it
+    takes that very rounding, which is not always the nearest below 45 degrees.
     """
     half = np.float32(0.5) * np.float32(aperture) * np.float32(math.pi / 180.0)
-    return float(np.float32(math.cos(float(half))))
+    if half >= np.float32(0.25 * math.pi):
+        return float(np.float32(math.cos(float(half))))
+    z, k = half * half, np.array(_COSINE, np.float32)
+    high = _fused(z * z, k[2], _fused(z, k[1], k[0])) * z
+    return float(_fused(high, z, _fused(z, -0.5, 1.0)))
+
+
+def _fused(a: float, b: float, c: float) -> np.float32:
+    """Return a b + c, rounded once."""
+    return np.float32(float(a) * float(b) + float(c))
 
 
 # ------------------------------------------------------------------------------ sampling

@@ -117,7 +117,7 @@ def test_nan_in_mitsubas_picture_may_have_a_known_cause(judge):
     found = judge.judge(scene("volpath", GLASS_LAMP, frame=CLOSE))
     assert found.verdict == FAULT
     assert found.quantity == "a sphere that shines lights itself from inside"
-    assert not any(fault.explains(NOT_FINITE) for fault in KNOWN_FAULTS)
+    assert not any(fault.explains(NOT_FINITE, 0.0) for fault in KNOWN_FAULTS)
 
 
 def test_path_still_ends_where_it_hides_lamps_and_meets_an_instance(judge):
@@ -154,6 +154,15 @@ def test_a_number_that_one_side_does_not_draw_shifts_nothing():
     """Ours has none for the time of an open shutter."""
     assert not _begin_apart({"film x": 0.5}, {"film x": 0.5, "time": 0.1})
     assert _begin_apart({"film x": 0.5}, {"film x": 0.25, "time": 0.1})
+
+
+@pytest.mark.parametrize(("error", "may_be"), [(2e-5, True), (2e-3, False), (0.0, False)])
+def test_what_rounds_in_mitsuba_explains_no_more_than_its_rounding(error, may_be):
+    """0 stands for an error that has no number."""
+    rounded = [fault for fault in KNOWN_FAULTS if fault.most < np.inf]
+    assert len(rounded) >= 3
+    for fault in rounded:
+        assert fault.explains(fault.quantities[0], error) == may_be
 
 
 def test_no_scene_is_judged_twice(monkeypatch, tmp_path):

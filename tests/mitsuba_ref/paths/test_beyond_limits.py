@@ -157,6 +157,15 @@ def test_a_rough_surface_may_choose_a_direction_less_exactly_than_a_mirror(
     assert finding(with_bounce(0, scattered=ours)).within_rounding == passes
 
 
+@pytest.mark.parametrize("emitted", [0.0, 0.1])
+def test_a_density_counts_only_where_it_weighs_a_lamp(emitted, monkeypatch):
+    """Elsewhere it is unused; what the direction carries is another quantity."""
+    theirs = with_bounce(1, emitted=(emitted, 0.0, 0.0))
+    monkeypatch.setitem(globals(), "PATH", theirs)
+    other = replace(PATH.bounces[0].scattered, pdf=2.0 * PATH.bounces[0].scattered.pdf)
+    assert finding(with_bounce(0, scattered=other)).within_rounding == (emitted == 0.0)
+
+
 @pytest.mark.parametrize(("size", "passes"), [(2.0 * STEPS[0], True), (1e-4, False)])
 def test_a_shadow_is_rounding_only_where_a_tiny_move_flips_it(size, passes):
     """1e-4 is two hundred times what rounding may do there."""

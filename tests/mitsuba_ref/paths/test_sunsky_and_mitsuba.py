@@ -101,6 +101,16 @@ def test_samples(pair, request):
     assert off_by(drawn.radiance[inside], weight[inside]) < limit
 
 
+def test_the_solid_angle_of_the_sun_is_mitsubas():
+    """It is 1 less a cosine in single precision: one rounding is 1e-4 of it."""
+    sun = {"type": "sunsky", "sun_direction": [0, 0.6, 0.8], "sky_scale": 0.0}
+    for aperture in map(float, (*np.linspace(0.3, 15, 200), *np.linspace(80, 170, 20))):
+        theirs = mi.load_dict({**sun, "sun_aperture": aperture})
+        sample, _ = theirs.sample_direction(dr.zeros(mi.SurfaceInteraction3f), [0.4, 0.4])
+        cosine = sky_model.half_cosine(aperture)
+        assert 2 * np.pi * (1 - cosine) * sample.pdf == pytest.approx(1, rel=1e-6), aperture
+
+
 def test_dates():
     """Where Mitsuba puts the sun, at 200 places and times."""
     rng = np.random.default_rng(4)
