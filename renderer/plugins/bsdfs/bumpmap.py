@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
@@ -43,6 +45,9 @@ from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import BumpMap as Description
 from renderer.scene_file.objects.objects import read_nested, read_texture
+
+_ALONG = np.float32(1e-12)
+"""Squared sine of an angle below which rounding decides what is across a direction."""
 
 
 class Bumped(NamedTuple):
@@ -102,8 +107,12 @@ def _turned_frame(bumped, wo):
     none, one = splat_f32(0.0), splat_f32(1.0)
     # without u and v nothing is displaced; what the products leave is rounding
     some = there & (dot(local, local) > 0.0)
-    local = select3(some, normalize(local), vec3(none, none, one))
-    return frame_along(facing(bumped, wo, local), select3(there, dp_du, s))
+    local = facing(bumped, wo, select3(some, normalize(local), vec3(none, none, one)))
+    # dp/du of the world may be along that normal: flat bumps, u along z
+    x = select3(there, dp_du, s)
+    rest = x - local * dot(local, x)
+    other, _ = orthonormal_basis(local)
+    return frame_along(local, select3(dot(rest, rest) > _ALONG * dot(x, x), x, other))
 
 
 BUMP_MAP = BsdfKind(

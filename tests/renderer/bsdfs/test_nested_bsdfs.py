@@ -262,3 +262,17 @@ def test_turned_normals_are_shown():
     normal = renderer.render(renderer.load_dict(content), spp=1).aovs["n"]
     middle = normal[normal.shape[0] // 2, normal.shape[1] // 2]
     np.testing.assert_allclose(middle, (0.24253538, 0.0, 0.97014153), atol=1e-6)
+
+
+@pytest.mark.parametrize("inside", ["diffuse", "roughconductor", "plastic"])
+def test_flat_bumps_change_nothing_where_u_runs_along_z(inside):
+    """Mitsuba divides by 0 there: docs/mitsuba-faults.md, 34."""
+    bumps = {"type": "bumpmap", "h": {"type": "uniform"}, "bsdf": {"type": inside}}
+    for along_u in ((0, 0, 1), (0, 0, -1)):
+        wall = rectangle((0, 0, 0), along_u, (0, 1, 0), bsdf=bumps)
+        view = sensor((-5 * along_u[2], 0, 0.5), (0, 0, 0), size=(4, 4), fov=5.0)
+        seen = scene(view, "path", wall, {"type": "constant"})
+        plain = scene(view, "path", {**wall, "bsdf": bumps["bsdf"]}, {"type": "constant"})
+        shown = [pixels(each, spp=64) for each in (seen, plain)]
+        np.testing.assert_allclose(shown[0].mean(), shown[1].mean(), rtol=0.02)
+        assert shown[1].mean() > 0.4
