@@ -55,9 +55,6 @@ LIMITS = ReplayLimits(reason="scenes at random", traced=6)
 ROUNDED = 3e-5
 """Relative: what a pixel without a trace may differ by in addition to its changes."""
 
-TWINS_SHOW = ("face", "goes on")
-"""What parts first where two faces with the same corners are hit, one wound either way."""
-
 STRICT = ReplayLimits(reason="without a look at causes")
 
 
@@ -131,8 +128,11 @@ class Judge:
         """
         if found.verdict not in UNCLASSED:
             return found
+        own = scene._replace(root=copy.deepcopy(scene.root))
+        if give_own_bsdfs(own.root) and self._judge(own).verdict not in UNCLASSED:
+            return found  # sharing them is what differs, which is no known fault
         left = []
-        for fault, undone in _without_faults(scene, found):
+        for fault, undone in _without_faults(own, found):
             if (text := scene_text(undone.root)) not in tried:
                 tried.add(text)
                 after = self._judge(undone)
@@ -173,7 +173,7 @@ class Judge:
             may_be_rounding = untraced or found.verdict in (EDGE, AMPLIFIED)
             if may_be_rounding and _has_coincident_surfaces(request):
                 found = replace(found, verdict=COINCIDENT)
-            if found.quantity in TWINS_SHOW and _has_twin_faces(request):
+            if found.quantity == "face" and _has_twin_faces(request):
                 found = replace(found, verdict=COINCIDENT)
         except NotReplayable as error:
             return Judgement(REFUSED, str(error), "NotReplayable")
@@ -218,7 +218,8 @@ class Judge:
         left = np.where(explained, 0.0, differs)
         y, x = (int(k) for k in np.unravel_index(left.argmax(), left.shape))
         words = f"; changes of about a rounding do not explain {np.count_nonzero(left)}"
-        return replace(found, sentence=found.sentence + words, pixel=(x, y))
+        error = float(left[y, x])
+        return replace(found, sentence=found.sentence + words, pixel=(x, y), error=error)
 
 
 def _without_faults(
@@ -227,7 +228,6 @@ def _without_faults(
     """Yield faults that may explain a difference, each with the scene without it."""
     for fault in KNOWN_FAULTS:
         root = copy.deepcopy(scene.root)
-        give_own_bsdfs(root)
         if fault.explains(found.quantity, found.error) and fault.undo(root):
             yield fault, scene._replace(root=root)
 
@@ -253,9 +253,10 @@ def _class_of(result: ReplayResult, ours: Picture, theirs: Picture) -> Judgement
         return Judgement(UNKNOWN, sentence, quantity, (x, y))
     if result.partings:  # of a pixel that rounding does not explain
         first = result.partings[0]
-        errors = [parting.error or math.inf for parting in result.partings]
-        where, error = (first.x, first.y), max(errors) if max(errors) < math.inf else 0.0
-        return Judgement(UNKNOWN, sentence, first.quantity, where, error=error)
+        alike = all(other.quantity == first.quantity for other in result.partings)
+        error = max(other.error or math.inf for other in result.partings)
+        error = error if alike and error < math.inf else 0.0
+        return Judgement(UNKNOWN, sentence, first.quantity, (first.x, first.y), error=error)
     if result.explained:
         # without a move of a ray, differences have grown from bounce to bounce
         return Judgement(EDGE if "by moves of" in sentence else AMPLIFIED, sentence)

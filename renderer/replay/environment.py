@@ -100,7 +100,7 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     density = importance(luminance, sine, compensated=compensated)
     flat = importance(luminance, np.ones_like(sine), compensated=compensated)
     total = float(density.sum(dtype=np.float64))
-    if not density[1:-1].any():
+    if total <= 0.0 or not density[1:-1].any():
         raise NotReplayable(
             "sampler 'mitsuba': the envmap is black, or shines in its first and last row "
             "alone (with mis_compensation: more than its mean), so that Mitsuba has no "

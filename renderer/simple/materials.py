@@ -208,6 +208,9 @@ class BumpMap(NormalMap):
         self.normal, self.x = UP, dp_du
         if displaced.any():
             self.normal = normalize(hit.frame(along_u=True) @ displaced)
+        across = np.cross(self.normal, dp_du)
+        if not across @ across > 1e-12 * (dp_du @ dp_du):
+            self.x = np.cross(self.normal, (1.0, 0.0, 0.0))  # u runs along it
 
 
 # -------------------------------------------------------------------------- all by name

@@ -193,8 +193,8 @@ def _bounce(
         return  # the bounce before has said why
     at_surface = list(_at_surface(number, a, b, faint))
     # On an edge that two faces share either is right, as long as all goes on alike; where
-    # normals or colours part there, the edge is the cause.
-    follows = largest_error([q for q in at_surface if q.kind == "value"])
+    # normals or colours part there, or one of the paths ends, the edge is the cause.
+    follows = largest_error([q for q in at_surface if q.kind in ("value", "end")])
     yield replace(_faces(number, a.face, b.face), at_most=follows)
     size = max(abs(x) for x in a.position or (0.0,))
     yield _numbers_apart(number, "t", a.t, b.t, size)

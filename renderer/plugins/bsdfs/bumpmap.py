@@ -109,10 +109,10 @@ def _turned_frame(bumped, wo):
     some = there & (dot(local, local) > 0.0)
     local = facing(bumped, wo, select3(some, normalize(local), vec3(none, none, one)))
     # dp/du of the world may be along that normal: flat bumps, u along z
-    x = select3(there, dp_du, s)
+    x = normalize(select3(there, dp_du, s))
     rest = x - local * dot(local, x)
     other, _ = orthonormal_basis(local)
-    return frame_along(local, select3(dot(rest, rest) > _ALONG * dot(x, x), x, other))
+    return frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
 
 
 BUMP_MAP = BsdfKind(

@@ -117,7 +117,10 @@ def density_normal(arithmetic: Any, flat: Any, smooth: Any) -> Any:
 
 @interface
 def seen_from(arithmetic: Any, points: Any, i: int) -> Any:
-    """Return the point before on the path, the distance to it, and the |cosine| here."""
+    """Return the point before on the path, the distance to it, and the |cosine| here.
+
+    In a replay the cosine is infinite where that point sees this one from behind.
+    """
 
 
 @kernel

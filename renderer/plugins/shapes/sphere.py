@@ -230,7 +230,8 @@ def sphere_light_pdf(
     one_minus_cos = cone_of_density(arithmetic, one_minus_cos, to_center, radius)
     outside = _outside(arithmetic, distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
-    return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
+    pdf = select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
+    return select(cosine < np.float32(np.inf), pdf, 0.0)  # in a replay: seen from behind
 
 
 @kernel

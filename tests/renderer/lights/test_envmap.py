@@ -207,10 +207,10 @@ def test_what_luminance_cannot_choose_is_chosen_evenly(tmp_path, bright, compens
     np.testing.assert_allclose(picture.mean(), expected, rtol=0.1)
 
 
-@pytest.mark.parametrize("last_row", [0.0, 1.0])
-def test_it_is_not_replayed(tmp_path, last_row):
+@pytest.mark.parametrize(("rest", "last_row"), [(0.0, 0.0), (0.0, 1.0), (1e-3, 5e5)])
+def test_it_is_not_replayed(tmp_path, rest, last_row):
     """Mitsuba divides by the sum of all densities, which is 0, or negative by rounding."""
-    image = np.zeros((4, 8, 3), np.float32)
+    image = np.full((4, 8, 3), rest, np.float32)
     image[-1] = last_row
     dark = write_map(tmp_path / "sky.exr", image)
     sky = {"type": "envmap", "filename": dark}
