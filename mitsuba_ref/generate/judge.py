@@ -20,8 +20,8 @@ from mitsuba_ref.generate.faults import (
     MITSUBA_NOT_FINITE,
     NOT_FINITE,
     KnownFault,
-    give_own_bsdfs,
 )
+from mitsuba_ref.generate.undo import give_own_bsdfs
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
