@@ -21,7 +21,7 @@ from mitsuba_ref.generate.faults import (
     NOT_FINITE,
     KnownFault,
 )
-from mitsuba_ref.generate.undo import give_own_bsdfs
+from mitsuba_ref.generate.undo import copy_shared_bsdfs
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -129,7 +129,7 @@ class Judge:
         if found.verdict not in UNCLASSED:
             return found
         own = scene._replace(root=copy.deepcopy(scene.root))
-        if give_own_bsdfs(own.root) and self._judge(own).verdict not in UNCLASSED:
+        if copy_shared_bsdfs(own.root) and self._judge(own).verdict not in UNCLASSED:
             return found  # sharing them is what differs, which is no known fault
         left = []
         for fault, undone in _without_faults(own, found):

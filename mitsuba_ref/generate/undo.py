@@ -33,7 +33,7 @@ TIMES = (
 )
 
 
-def give_own_bsdfs(root: Element) -> bool:
+def copy_shared_bsdfs(root: Element) -> bool:
     """Replace references to shared BSDFs by copies, so that a fault is undone in some."""
     shared = {bsdf.get("id"): bsdf for bsdf in root.findall("bsdf[@id]")}
     for parent in root.iter():  # a shared one, which may refer to another, stands first
