@@ -22,6 +22,7 @@ from renderer.plugins import bsdfs
 from renderer.plugins.bsdfs.kind import SMOOTH, BsdfKind
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.simple import path_tracer
 
 
 def rgb(*value):
@@ -276,3 +277,5 @@ def test_flat_bumps_change_nothing_where_u_runs_along_z(inside):
         shown = [pixels(each, spp=64) for each in (seen, plain)]
         np.testing.assert_allclose(shown[0].mean(), shown[1].mean(), rtol=0.02)
         assert shown[1].mean() > 0.4
+        short = path_tracer.render(renderer.load_dict(seen).description, 16)
+        np.testing.assert_allclose(short.mean(), shown[1].mean(), rtol=0.1)
