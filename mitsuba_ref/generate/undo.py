@@ -74,26 +74,17 @@ def take_bumps_off_shapes_without_uv(root: Element) -> bool:
 
 def take_bumps_off_mirrored_rectangles(root: Element) -> bool:
     """Leave out bump maps where the geometric and the shading normal are opposite."""
-    mirrored = [
-        shape
-        for shape in root.iter("shape")
-        if shape.get("type") == "rectangle" and _is_mirrored(shape)
-    ]
-    return sum(map(_take_bumps_off, mirrored)) > 0
+    return sum(map(_take_bumps_off, _mirrored_rectangles(root))) > 0
 
 
 def mirror_no_rectangles(root: Element) -> bool:
     """Leave mirrored rectangles unmirrored where the picture shows geometric normals."""
-    shown = root.find("integrator[@type='aov']/string[@name='aovs']")
-    if shown is None or "geo_normal" not in shown.get("value", ""):
-        return False
-    mirrored = [s for s in root.iter("shape") if s.get("type") == "rectangle"]
-    mirrored = [shape for shape in mirrored if _is_mirrored(shape)]
+    mirrored = _mirrored_rectangles(root) if _shows_aov(root, "geo_normal") else []
     placed = "transform[@name='to_world']/scale"
     for scale in (scale for shape in mirrored for scale in shape.findall(placed)):
         for axis, text in scale.attrib.items():
             scale.set(axis, text.replace("-", ""))
-    return bool(mirrored)
+    return len(mirrored) > 0
 
 
 def turn_bumpy_shapes(root: Element) -> bool:
@@ -103,14 +94,29 @@ def turn_bumpy_shapes(root: Element) -> bool:
     ]
     shapes = [shape for shape in shapes if shape.get("type") != "shapegroup"]
     turned = {"x": "0.6", "y": "0.8", "angle": "0.1"}
-    if any(e.get("angle") == "0.1" for e in root.iter("rotate")):
+    if root.find(".//rotate[@x='0.6'][@y='0.8'][@angle='0.1']") is not None:
         return False
     for shape in shapes:
-        transform = shape.find("transform[@name='to_world']")
-        if transform is None:
-            transform = SubElement(shape, "transform", name="to_world")
-        SubElement(transform, "rotate", turned)
+        SubElement(_transform(shape, "to_world"), "rotate", turned)
     return len(shapes) > 0
+
+
+def _transform(element: Element, name: str) -> Element:
+    """Return the transform of this name, a new one if there is none."""
+    found = element.find(f"transform[@name='{name}']")
+    return SubElement(element, "transform", name=name) if found is None else found
+
+
+def _shows_aov(root: Element, kind: str) -> bool:
+    """Tell whether the picture is an AOV of this kind."""
+    shown = root.find("integrator[@type='aov']/string[@name='aovs']")
+    return shown is not None and kind in shown.get("value", "")
+
+
+def _mirrored_rectangles(root: Element) -> list[Element]:
+    """Return the rectangles whose geometric and shading normals are opposite in Mitsuba."""
+    rectangles = [s for s in root.iter("shape") if s.get("type") == "rectangle"]
+    return [shape for shape in rectangles if _is_mirrored(shape)]
 
 
 def _is_mirrored(shape: Element) -> bool:
@@ -134,8 +140,9 @@ def _take_bumps_off(outer: Element) -> bool:
 
 
 def coat_lamps_in_media(root: Element) -> bool:
-    """Let no light through lamps where there are media, but into those that hold one.
+    """Take BSDFs that transmit light off lamps in scenes with media.
 
+    Lamps with a medium inside keep theirs: otherwise no path would enter that medium.
     This fault is ours: the last bit of a hit decides there whether a path that a medium
     has scattered sees the lamp, and phase functions are not rounded as Mitsuba's.
     """
@@ -201,11 +208,7 @@ def widen_the_scene(root: Element) -> bool:
 
 def coat_lamps(root: Element) -> bool:
     """Leave out what BSDFs spheres have that shine: nothing goes through them then."""
-    lamps = [
-        e
-        for e in root.findall(".//shape[@type='sphere'][emitter]")
-        if e.find("bsdf") is not None
-    ]
+    lamps = root.findall(".//shape[@type='sphere'][emitter][bsdf]")
     for lamp in lamps:
         for bsdf in lamp.findall("bsdf"):
             lamp.remove(bsdf)
@@ -223,9 +226,7 @@ def move_textures_of_curves(root: Element) -> bool:
             continue
         for texture in curve.iter("texture"):
             if texture.get("type") in ("bitmap", "checkerboard"):
-                transform = texture.find("transform[@name='to_uv']")
-                if transform is None:
-                    transform = SubElement(texture, "transform", name="to_uv")
+                transform = _transform(texture, "to_uv")
                 if transform.find("translate[@y='0.0137']") is None:
                     SubElement(transform, "translate", y="0.0137")
                     found = True
@@ -249,7 +250,7 @@ def turn_lamps_back(root: Element) -> bool:
 
 def leave_out_curves(root: Element) -> bool:
     """Make curves cylinders, whose points lie on the rays that hit them."""
-    curves = [c for kind in CURVES for c in _of_type(root, "shape", kind, *PLACED)]
+    curves = [c for kind in CURVES for c in _strip_plugins(root, "shape", kind, *PLACED)]
     for curve in curves:
         curve.set("type", "cylinder")
     return len(curves) > 0
@@ -281,8 +282,8 @@ def leave_out_small_cylinders(root: Element) -> bool:
 def jitter(root: Element) -> bool:
     """Let samplers jitter: without it numbers lie on the edges of choices, as 1 / 2."""
     found = False
-    for jitter in root.findall(".//sampler/boolean[@name='jitter'][@value='false']"):
-        jitter.set("value", "true")
+    for flag in root.findall(".//sampler/boolean[@name='jitter'][@value='false']"):
+        flag.set("value", "true")
         found = True
     for count in root.findall(".//sampler/integer[@name='sample_count']") if found else []:
         count.set("value", "16")  # a defect would show in more samples as well
@@ -307,9 +308,7 @@ def end_paths(root: Element) -> bool:
 
 def show_no_normals_of_bumps(root: Element) -> bool:
     """Take bump maps off where the picture is an AOV: its normals are not in the world."""
-    shown = root.find("integrator[@type='aov']/string[@name='aovs']")
-    normals = shown is not None and "sh_normal" in shown.get("value", "")
-    return normals and _take_bumps_off(root)
+    return _shows_aov(root, "sh_normal") and _take_bumps_off(root)
 
 
 def point_to_the_sun(root: Element) -> bool:
@@ -340,8 +339,10 @@ def unblend_principled(root: Element) -> bool:
 
     From behind it chooses no direction, but says that it has chosen one with a density.
     """
-    blends = _of_type(root, "bsdf", "blendbsdf")
-    inside = [bsdf for blend in blends for bsdf in _of_type(blend, "bsdf", "principled")]
+    blends = _strip_plugins(root, "bsdf", "blendbsdf")
+    inside = [
+        bsdf for blend in blends for bsdf in _strip_plugins(blend, "bsdf", "principled")
+    ]
     for bsdf in inside:
         bsdf[:] = []
         bsdf.set("type", "diffuse")
@@ -354,7 +355,7 @@ def keep_all_digits_of_texels(root: Element) -> bool:
     16 bits become half floats, and where a texel lies halfway between two of them, the
     rounding of its linear value decides: of 65,536 texels 48 are rounded the other way.
     """
-    bitmaps = _of_type(root, "texture", "bitmap", "format")
+    bitmaps = _strip_plugins(root, "texture", "bitmap", "format")
     for bitmap in bitmaps:
         bitmap.append(plain("string", "format", "variant"))
     return len(bitmaps) > 0
@@ -365,7 +366,7 @@ def blacken_rough_plastics(root: Element) -> bool:
 
     Its tables are sums of 1024 and 16,384 numbers in single precision there.
     """
-    plastics = _of_type(root, "bsdf", "roughplastic", "diffuse_reflectance")
+    plastics = _strip_plugins(root, "bsdf", "roughplastic", "diffuse_reflectance")
     for bsdf in plastics:
         bsdf.append(plain("float", "diffuse_reflectance", "0"))
     return len(plastics) > 0
@@ -373,19 +374,18 @@ def blacken_rough_plastics(root: Element) -> bool:
 
 def make_distances_cubes(root: Element) -> bool:
     """Make grids of distances cubes: their hits are found to 1e-5 of the scene's unit."""
-    grids = _of_type(root, "shape", "sdfgrid", "filename", "normals")
+    grids = _strip_plugins(root, "shape", "sdfgrid", "filename", "normals")
     for grid in grids:
         grid.set("type", "cube")
-        for transform in grid.findall(
-            "transform[@name='to_world']"
-        ):  # of 0 to 1, not -1 to 1
-            transform.insert(0, Element("translate", value="1, 1, 1"))
-            transform.insert(1, Element("scale", value="0.5"))
+        transform = _transform(grid, "to_world")
+        # a grid reaches from 0 to 1 along each axis, a cube from -1 to 1
+        transform.insert(0, Element("translate", value="1, 1, 1"))
+        transform.insert(1, Element("scale", value="0.5"))
     return len(grids) > 0
 
 
-def _of_type(root: Element, tag: str, kind: str, *without: str) -> list[Element]:
-    """Return the elements of one plugin; properties of these names are taken off them."""
+def _strip_plugins(root: Element, tag: str, kind: str, *without: str) -> list[Element]:
+    """Take properties of these names off the elements of one plugin; return those."""
     found = [element for element in root.iter(tag) if element.get("type") == kind]
     for element in found:
         for child in [c for c in element if c.get("name") in without]:

@@ -8,7 +8,7 @@ from renderer.scene.light_order import light_order
 
 
 def light_names(job: RenderJob) -> list[str]:
-    """Name lights, by light id, as `LightAsked.light` says; "far" ones are at infinity."""
+    """Name lights by id, as `SampledLight.light` says; "far" ones are at infinity."""
     description, shapes = job.scene.description, job.kernel_scene.shapes
     order = light_order(description)
     names = {

@@ -21,8 +21,8 @@ from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
     Bounce,
-    LightAsked,
     Numbers,
+    SampledLight,
     Scattered,
     TracedPath,
     Vector,
@@ -183,7 +183,7 @@ class StepByStep:
         normal = _column(work.points.shading_normal) if hit else None
         t = float(work.points.t[0]) if hit else math.inf
         emitted = _difference(_column(work.radiance), before)
-        lights: tuple[LightAsked, ...] = ()
+        lights: tuple[SampledLight, ...] = ()
         scattered = None
         drawn: Numbers = {}
         left_out = False
@@ -229,11 +229,11 @@ class StepByStep:
 
     def _sample_lights(
         self, tile: Tile, sample: int, bounce: Any, count: int
-    ) -> tuple[LightAsked, ...]:
+    ) -> tuple[SampledLight, ...]:
         scene, packed = self._scene, self._packed_work
         if count == 0:
             return ()
-        asked = []
+        sampled = []
         for turn in range(stages.light_count(scene)):
             stages.light_step(scene, turn, tile, sample, bounce, packed, count)
             # From black, so that what a light adds tells whether it is seen: the rays'
@@ -247,12 +247,12 @@ class StepByStep:
             self._work.radiance[:, 0] += before
             shown = np.flatnonzero(self._work.points.bsdf[:count] >= 0)
             if len(shown) > 0:
-                asked.append(self._light_asked(int(shown[0]), blocked, origin))
-        return tuple(asked)
+                sampled.append(self._sampled_light(int(shown[0]), blocked, origin))
+        return tuple(sampled)
 
-    def _light_asked(
+    def _sampled_light(
         self, i: int, blocked: bool | None, origin: Vector | None
-    ) -> LightAsked:
+    ) -> SampledLight:
         """Write down the light sampled at listed point i; None: no shadow ray was cast."""
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
         light = int(samples.light[i])
@@ -261,7 +261,7 @@ class StepByStep:
         every = self._record.settings.every_light or len(self._record.lights.choice)
         probability = np.float32(1.0 if every else 1.0 / self._record.lights.count)
         weight = samples.radiance[:, i : i + 1] * (np.float32(1.0) / probability)
-        return LightAsked(
+        return SampledLight(
             light=self._light_names[light].removeprefix("far "),
             direction=_column(samples.wi[:, i:]),
             distance=math.inf if far else float(samples.distance[i]),

@@ -17,8 +17,8 @@ BLACK: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class LightAsked:
-    """What asking one light at a surface point gave."""
+class SampledLight:
+    """A light sample at a surface point, and the radiance that it carries."""
 
     light: str  # "shape 3" (in the file, the first is 1) or "emitter 1" (not on a shape)
     direction: Vector  # unit, towards the light
@@ -57,7 +57,7 @@ class Bounce:
     throughput: Vector  # on arrival
     emitted: Vector  # what the arrival adds to the pixel
     numbers: Numbers
-    lights: tuple[LightAsked, ...]
+    lights: tuple[SampledLight, ...]
     scattered: Scattered | None  # None: the path ends here
     radiance: Vector  # of the pixel so far, with this bounce
     left_out: bool = False  # it ends because the rest of the path is known to be dark
@@ -106,7 +106,7 @@ def _bounce(data: dict[str, Any]) -> Bounce:
             "throughput": _vector(data["throughput"]),
             "emitted": _vector(data["emitted"]),
             "radiance": _vector(data["radiance"]),
-            "lights": tuple(LightAsked(**_vectors(light)) for light in data["lights"]),
+            "lights": tuple(SampledLight(**_vectors(light)) for light in data["lights"]),
             "scattered": None if scattered is None else Scattered(**_vectors(scattered)),
         }
     )

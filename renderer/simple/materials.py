@@ -27,7 +27,7 @@ from renderer.simple.bsdfs import (
     color,
     number,
 )
-from renderer.simple.camera import Vector, mix, normalize
+from renderer.simple.camera import Vector, mix, normalize, orthonormal_basis
 from renderer.simple.measured import Measured
 from renderer.simple.principled import Principled, PrincipledThin
 from renderer.simple.rough import RoughConductor, RoughDielectric, RoughPlastic
@@ -210,7 +210,7 @@ class BumpMap(NormalMap):
             self.normal = normalize(hit.frame(along_u=True) @ displaced)
         across = np.cross(self.normal, dp_du)
         if not across @ across > 1e-12 * (dp_du @ dp_du):
-            self.x = np.cross(self.normal, (1.0, 0.0, 0.0))  # u runs along it
+            self.x, _ = orthonormal_basis(self.normal)  # u runs along it, or there is none
 
 
 # -------------------------------------------------------------------------- all by name

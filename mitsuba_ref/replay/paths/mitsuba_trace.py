@@ -17,7 +17,7 @@ from typing import Any
 
 from mitsuba_ref.our_renderer.traced_path import (
     Bounce,
-    LightAsked,
+    SampledLight,
     Scattered,
     TracedPath,
     light_number,
@@ -119,7 +119,7 @@ class MitsubaTracer:
         emitted = vector(state.result - before)
         hit = bool(si.is_valid())
         state.active = hit and state.depth + 1 < self.method.max_depth
-        lights: tuple[LightAsked, ...] = ()
+        lights: tuple[SampledLight, ...] = ()
         scattered = None
         if state.active:
             lights, scattered = self._scatter(state, si, numbers)
@@ -166,7 +166,7 @@ class MitsubaTracer:
 
     def _scatter(
         self, state: PathState, si: Any, numbers: NumbersDrawn
-    ) -> tuple[tuple[LightAsked, ...], Scattered | None]:
+    ) -> tuple[tuple[SampledLight, ...], Scattered | None]:
         mi, method = self._mi, self.method
         bsdf, context = si.bsdf(), mi.BSDFContext()
         smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
@@ -201,7 +201,9 @@ class MitsubaTracer:
         number = numbers.one("bsdf")
         return number, numbers.two("bsdf")
 
-    def _sample_light(self, state: PathState, si: Any, bsdf: Any, point: Any) -> LightAsked:
+    def _sample_light(
+        self, state: PathState, si: Any, bsdf: Any, point: Any
+    ) -> SampledLight:
         mi, scene = self._mi, self._scene
         seen, weight = scene.sample_emitter_direction(si, point, True, True)
         sampled, unblocked = scene.sample_emitter_direction(si, point, False, True)
@@ -215,7 +217,7 @@ class MitsubaTracer:
         if sampled.pdf != 0.0 and any(vector(carried)):
             blocked = not any(vector(weight))
         far = mi.has_flag(sampled.emitter.flags(), mi.EmitterFlags.Infinite)
-        return LightAsked(
+        return SampledLight(
             light=self._light_names.get(sampled.emitter, "?"),
             direction=vector(sampled.d),
             distance=math.inf if far else float(sampled.dist),
@@ -233,7 +235,7 @@ class MitsubaTracer:
 
 
 def _light_names(scene: Any) -> dict[Any, str]:
-    """Name lights as `LightAsked.light` says."""
+    """Name lights as `SampledLight.light` says."""
     names = {
         shape.emitter(): f"shape {number}"
         for number, shape in enumerate(scene.shapes(), start=1)

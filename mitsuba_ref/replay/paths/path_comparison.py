@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 
 from mitsuba_ref.our_renderer.traced_path import (
     Bounce,
-    LightAsked,
+    SampledLight,
     Scattered,
     TracedPath,
     Vector,
@@ -231,8 +231,8 @@ def _shape(bounce: Bounce) -> str:
 
 def _light(
     number: int,
-    a: LightAsked | None,
-    b: LightAsked | None,
+    a: SampledLight | None,
+    b: SampledLight | None,
     faint: float,
 ) -> Iterator[Quantity]:
     names = (None if x is None else x.light for x in (a, b))

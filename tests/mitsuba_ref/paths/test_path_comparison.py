@@ -16,7 +16,7 @@ from rich.console import Console
 
 from mitsuba_ref.our_renderer.traced_path import (
     Bounce,
-    LightAsked,
+    SampledLight,
     Scattered,
     TracedPath,
     path_from_json,
@@ -34,7 +34,7 @@ from mitsuba_ref.replay.paths.path_table import MARK, print_paths
 
 NAMES = ("ours", "theirs")
 
-LIGHT = LightAsked(
+LIGHT = SampledLight(
     light="shape 1",
     direction=(0.0, 0.6, 0.8),
     distance=2.0,

@@ -83,7 +83,7 @@ def test_sides_of_two_kinds_have_their_lights_in_a_trace(tmp_path):
         with TracedPair(RenderRequest(str(scene), SIZE, spp=3, seed=5)) as both:
             mine, other = both.trace((5, 9), 0)
         lights = [
-            [ask.light for hit in path.bounces for ask in hit.lights]
+            [sampled.light for hit in path.bounces for sampled in hit.lights]
             for path in (mine, other)
         ]
         assert lights[0] == lights[1]
