@@ -21,6 +21,9 @@ from renderer.replay.sequences import (
     Replay,
 )
 
+PHASE = "phase function"
+_NOT_DRAWN = np.float32(2.0**-30)  # in [0, 1), and no sampler's
+
 
 class NumbersDrawn:
     """What a replay of Mitsuba has drawn; our own samplers keep no numbers."""
@@ -39,10 +42,13 @@ class NumbersDrawn:
             array[...] = at_start
         return range(sample if self._sampler else 0)
 
-    def nudge(self, tile: Tile, by: tuple[float, float]) -> None:
+    def nudge(
+        self, tile: Tile, by: tuple[float, float], rows: slice = slice(None)
+    ) -> None:
         """Add to the numbers of a bounce, to every other one the second of the two."""
         if self._sampler is not None:
-            column = self._sampler.numbers[:, tile.y * tile.film_width + tile.x]
+            pixel = tile.y * tile.film_width + tile.x
+            column = self._sampler.numbers[rows, pixel]
             nudged = column + np.resize(np.array(by, np.float32), len(column))
             column[:] = np.clip(nudged, 0.0, np.float32(1.0 - 2.0**-24))
 
@@ -66,6 +72,23 @@ class NumbersDrawn:
             drawn |= self._pair(tile, "bsdf", BSDF)
         if not sampler.direct:  # `direct` plays no roulette
             drawn["roulette"] = self._number(tile, ROULETTE)
+        return drawn
+
+    def forget(self, tile: Tile) -> None:
+        """Forget the numbers of an event, which a path in media draws when it needs them."""
+        if self._sampler is not None:
+            pixel = tile.y * tile.film_width + tile.x
+            self._sampler.numbers[[BSDF_CHOICE, BSDF, LIGHT], pixel] = _NOT_DRAWN
+
+    def of_event(self, tile: Tile, collision: bool) -> Numbers:
+        """Return what was drawn since the event began, at a surface or a collision."""
+        drawn: Numbers = {}
+        name = PHASE if collision else "bsdf"
+        if self._number(tile, LIGHT) != _NOT_DRAWN:
+            drawn |= self._pair(tile, light_number(0), LIGHT)
+        if self._number(tile, BSDF_CHOICE) != _NOT_DRAWN:
+            drawn |= self._pair(tile, name, BSDF)
+            drawn[name] = self._number(tile, BSDF_CHOICE)
         return drawn
 
     def _pair(self, tile: Tile, name: str, row: int) -> Numbers:

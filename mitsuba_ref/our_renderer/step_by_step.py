@@ -20,6 +20,7 @@ from mitsuba_ref.our_renderer.numbers_drawn import NumbersDrawn
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
+    WHITE,
     Bounce,
     Numbers,
     SampledLight,
@@ -56,6 +57,8 @@ class StepByStep:
         self._work = job.make_workspace(channels=3)
         self._packed_work = pack(self._work)
         self._drawn = NumbersDrawn(job)
+        self._begun = self._drawn  # as it is where the sample begins that is led
+        self._most_bounces = int(record.settings.max_depth)
 
     def trace(self, pixel: tuple[int, int], sample: int) -> TracedPath:
         """Return one sample of the pixel (x, y) of the crop window."""
@@ -92,9 +95,9 @@ class StepByStep:
         this one begins, since a moved path may draw more or fewer than the one before.
         """
         self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
-        here = NumbersDrawn(self._job)
+        self._begun = NumbersDrawn(self._job)
         for move in moves:
-            here.rewind(0)
+            self._begun.rewind(0)
             yield self._trace(self._tile(pixel), sample, move, along)
 
     def _tile(self, pixel: tuple[int, int]) -> Tile:
@@ -112,7 +115,7 @@ class StepByStep:
         direction[:, 0] = new / np.linalg.norm(new)
         origin[:, 0] = origin[:, 0].astype(np.float64) + moved.start
 
-    def _lead(self, along: TracedPath | None, segment: int) -> None:
+    def _lead(self, tile: Tile, sample: int, along: TracedPath | None, segment: int) -> None:
         """Make the ray in `work` that of another path, if that has one."""
         if along is None:
             return
@@ -137,52 +140,59 @@ class StepByStep:
         moved: Moved | None = None,
         along: TracedPath | None = None,
     ) -> TracedPath:
-        scene, work, packed = self._scene, self._work, self._packed_work
-        settings = self._record.settings
+        work = self._work
         work.radiance[:] = 0.0
-        count = stages.camera_ray_step(scene, tile, sample, packed, 0)
-        origin, direction = _column(work.rays.origin), _column(work.rays.direction)
-        self._lead(along, 0)
+        count = stages.camera_ray_step(self._scene, tile, sample, self._packed_work, 0)
+        origin, direction = column(work.rays.origin), column(work.rays.direction)
+        self._lead(tile, sample, along, 0)
         self._move(moved, 0)
         last = NO_LIMIT
         if along is not None:  # a moved ray tells what becomes of it in one step alone
             last = len(along.bounces) if moved is None else moved.segment + 1
         drawn = self._drawn.of_film(tile)
         bounces: list[Bounce] = []
-        if settings.max_depth > 0:
-            stages.first_hit_step(scene, packed, 0, count)
-        while count > 0 and len(bounces) < min(settings.max_depth, last):
-            bounce = self._bounce(tile, sample, np.int64(len(bounces)), moved, along)
+        self._first_hits(tile, sample, count)
+        while count > 0 and len(bounces) < min(self._most_bounces, last):
+            bounce = self._bounce(tile, sample, len(bounces), moved, along)
             bounces.append(bounce)
             count = int(bounce.scattered is not None and bounce.scattered.survived)
             if count:
-                self._lead(along, len(bounces))
+                self._lead(tile, sample, along, len(bounces))
                 self._move(moved, len(bounces))
-                stages.next_hit_step(scene, packed, count)
+                self._next_hits(count)
         return TracedPath(NAME, drawn, origin, direction, tuple(bounces))
+
+    def _first_hits(self, tile: Tile, sample: int, count: int) -> None:
+        """Intersect the camera rays."""
+        if self._most_bounces > 0:
+            stages.first_hit_step(self._scene, self._packed_work, 0, count)
+
+    def _next_hits(self, count: int) -> None:
+        """Intersect rays that were scattered."""
+        stages.next_hit_step(self._scene, self._packed_work, count)
 
     def _bounce(
         self,
         tile: Tile,
         sample: int,
-        bounce: Any,
+        bounce: int,
         moved: Moved | None,
         along: TracedPath | None,
     ) -> Bounce:
         """Follow the ray in `work` to where it arrives, and put the next one there."""
         scene, work, packed = self._scene, self._work, self._packed_work
-        throughput, before = _column(work.rays.throughput), _column(work.radiance)
+        throughput, before = column(work.rays.throughput), column(work.radiance)
         if along is not None:
-            work.rays.throughput[:, 0] = along.bounces[int(bounce)].throughput
+            work.rays.throughput[:, 0] = along.bounces[bounce].throughput
         hit = int(work.hits.prim[0]) >= 0
         shape, face = self._what_was_hit() if hit else (0, None)
         # first: emitted light is weighed against the lights sampled at the previous point
-        stages.arrive_step(scene, bounce, packed, 1)
+        stages.arrive_step(scene, np.int64(bounce), packed, 1)
         stages.locate_step(scene, packed, 1)
-        position = _column(work.points.position) if hit else None
-        normal = _column(work.points.shading_normal) if hit else None
+        position = column(work.points.position) if hit else None
+        normal = column(work.points.shading_normal) if hit else None
         t = float(work.points.t[0]) if hit else math.inf
-        emitted = _difference(_column(work.radiance), before)
+        emitted = difference(column(work.radiance), before)
         lights: tuple[SampledLight, ...] = ()
         scattered = None
         drawn: Numbers = {}
@@ -198,8 +208,8 @@ class StepByStep:
                 # a hit stands in the list of each kind of BSDF that its shape has
                 point = work.points.position[:, : int(work.ends.max())]
                 point[:] = point.astype(np.float64) + np.reshape(moved.hit, (3, 1))
-            lights = self._sample_lights(tile, sample, bounce, smooth)
-            scattered = self._scatter(tile, sample, bounce)
+            lights = self._sample_lights(tile, sample, np.int64(bounce), smooth)
+            scattered = self._scatter(tile, sample, np.int64(bounce))
             left_out = smooth > 0 and not self._job.plan.follow
         return Bounce(
             shape=shape,
@@ -212,7 +222,7 @@ class StepByStep:
             lights=lights,
             scattered=scattered,
             left_out=left_out,
-            radiance=_column(work.radiance),
+            radiance=column(work.radiance),
             normal=normal,
         )
 
@@ -242,7 +252,7 @@ class StepByStep:
             self._work.radiance[:, 0] = 0.0
             cast = stages.reflect_step(scene, packed)
             stages.visibility_step(scene, bounce, packed, cast)
-            origin = _column(self._work.shadow_rays.origin) if cast else None
+            origin = column(self._work.shadow_rays.origin) if cast else None
             blocked = None if cast == 0 else not self._work.radiance[:, 0].any()
             self._work.radiance[:, 0] += before
             shown = np.flatnonzero(self._work.points.bsdf[:count] >= 0)
@@ -251,7 +261,7 @@ class StepByStep:
         return tuple(sampled)
 
     def _sampled_light(
-        self, i: int, blocked: bool | None, origin: Vector | None
+        self, i: int, blocked: bool | None, origin: Vector | None, passed: Vector = WHITE
     ) -> SampledLight:
         """Write down the light sampled at listed point i; None: no shadow ray was cast."""
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
@@ -263,13 +273,14 @@ class StepByStep:
         weight = samples.radiance[:, i : i + 1] * (np.float32(1.0) / probability)
         return SampledLight(
             light=self._light_names[light].removeprefix("far "),
-            direction=_column(samples.wi[:, i:]),
+            direction=column(samples.wi[:, i:]),
             distance=math.inf if far else float(samples.distance[i]),
             pdf=float(samples.pdf[i] * probability),
-            weight=_column(weight),
-            carried=BLACK if blocked is None else _column(shadow_rays.radiance),
+            weight=column(weight),
+            carried=BLACK if blocked is None else column(shadow_rays.radiance),
             blocked=blocked,
             origin=origin,
+            passed=passed,
         )
 
     def _scatter(self, tile: Tile, sample: int, bounce: Any) -> Scattered | None:
@@ -278,17 +289,18 @@ class StepByStep:
         certain = self._without_roulette
         if stages.scatter_step(certain, tile, sample, bounce, packed) == 0:
             return None
-        direction, throughput = _column(work.rays.direction), _column(work.rays.throughput)
+        direction, throughput = column(work.rays.direction), column(work.rays.throughput)
         pdf = max(float(work.rays.pdf[0]), 0.0)
-        origin = _column(work.rays.origin)
+        origin = column(work.rays.origin)
         going_on = stages.scatter_step(self._scene, tile, sample, bounce, packed)
         return Scattered(direction, pdf, throughput, going_on > 0, origin)
 
 
-def _column(rows: NDArray[np.float32]) -> Vector:
-    """Return column 0 of three rows."""
+def column(rows: NDArray[np.float32]) -> Vector:
+    """Return column 0 of three rows or more."""
     return float(rows[0, 0]), float(rows[1, 0]), float(rows[2, 0])
 
 
-def _difference(a: Vector, b: Vector) -> Vector:
+def difference(a: Vector, b: Vector) -> Vector:
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

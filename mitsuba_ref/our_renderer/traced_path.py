@@ -14,6 +14,11 @@ Vector = tuple[float, float, float]
 Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
 
 BLACK: Vector = (0.0, 0.0, 0.0)
+WHITE: Vector = (1.0, 1.0, 1.0)
+
+# what may end a flight in place of a surface or the sky
+COLLISION = "a collision"  # real, in a medium
+ENDED = "the path's end"  # Russian roulette, the depth limit, a throughput of 0
 
 
 @dataclass(frozen=True)
@@ -28,22 +33,27 @@ class SampledLight:
     carried: Vector  # to the pixel, if nothing is in between
     blocked: bool | None  # None: not traced, as it would carry no light
     origin: Vector | None = None  # of the shadow ray; None: not traced
+    passed: Vector = WHITE  # what media and surfaces on the way let through
 
     @property
     def contribution(self) -> Vector:
         """What it adds to the pixel."""
-        return BLACK if self.blocked else self.carried
+        if self.blocked:
+            return BLACK
+        (x, y, z), (r, g, b) = self.carried, self.passed
+        return x * r, y * g, z * b
 
 
 @dataclass(frozen=True)
 class Scattered:
-    """The direction that the BSDF chose."""
+    """The direction that the BSDF or the phase function chose."""
 
     direction: Vector  # unit
     pdf: float  # [1/sr]; 0 for mirrors and glass
     throughput: Vector  # after this bounce, before roulette
     survived: bool  # Russian roulette
     origin: Vector | None = None  # of the next ray, off the surface; None: not written
+    straight: bool = False  # a null BSDF: the density is of the event before
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,7 @@ class Bounce:
     radiance: Vector  # of the pixel so far, with this bounce
     left_out: bool = False  # it ends because the rest of the path is known to be dark
     normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
+    event: str = ""  # `COLLISION` or `ENDED`, where the flight ended so; `shape` is 0 then
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""What Mitsuba's `path` and `direct` do differently, read from a built integrator.
+"""What Mitsuba's `path`, `direct` and `volpath` do differently, read from the built one.
 
-Both weight light samples and BSDF samples by the power heuristic [Veach1997].
+All weight light samples and BSDF samples by the power heuristic [Veach1997].
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ class Method:
     bsdf_samples: int = 1  # 0: the path ends where the lights were sampled
     share: bool = False  # whether densities count by their share of all samples
     point_first: bool = False  # the BSDF's point is drawn before its single number
+    media: bool = False  # paths pass through media
 
     def light_weight(self, light_pdf: float, bsdf_pdf: float) -> float:
         """Return the weight of one of the light samples."""
@@ -61,8 +62,11 @@ def read_method(integrator: Any) -> Method:
     hide = bool(getattr(integrator, "hide_emitters", False))
     if name == "PathIntegrator":
         return Method(number["max_depth"], number["rr_depth"], hide)
+    if name == "VolumetricSimplePathIntegrator":
+        return Method(number["max_depth"], number["rr_depth"], hide, media=True)
     if name != "DirectIntegrator":
-        raise MitsubaError(f"a trace follows path and direct only; the scene has {name}")
+        known = "path, direct and volpath"
+        raise MitsubaError(f"a trace follows {known} only; the scene has {name}")
     lights, directions = number["emitter_samples"], number["bsdf_samples"]
     if directions > 1:
         raise MitsubaError(f"a trace follows one path; the scene has {directions} at a hit")

@@ -78,7 +78,7 @@ def test_reading_scenes_needs_no_numba():
 
 
 @pytest.mark.parametrize(
-    "name", ["reference.picture_process", "replay.paths.mitsuba_trace"]
+    "name", ["reference.picture_process", "replay.paths.mitsuba_trace_process"]
 )
 def test_mitsubas_processes_need_no_kernels(name):
     """They wait for Mitsuba alone, which comes with their first request."""

@@ -29,6 +29,11 @@ class NumbersDrawn:
         self._drawn[f"{name} y"] = float(point.y)
         return point
 
+    def skip(self, name: str) -> None:
+        """Draw as a masked lane does: of some samplers, the dimension alone."""
+        self._sampler.next_1d(False)
+        self._drawn[f"skipped {name}"] = 0.0
+
     def take(self) -> Numbers:
         """Return what was drawn since the last time."""
         drawn, self._drawn = self._drawn, {}

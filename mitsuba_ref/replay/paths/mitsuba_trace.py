@@ -3,7 +3,7 @@
 Mitsuba's `path` and `direct` cannot say what happens inside a path. This follows them call
 by call [Jakob2022, src/integrators/path.cpp, direct.cpp] with the scene, sensor, BSDFs,
 emitters and sampler of the `scalar_rgb` variant itself, and writes down what passes by; a
-test holds its radiance against `mi.render`. As a program it answers JSON lines.
+test holds its radiance against `mi.render`.
 """
 
 from __future__ import annotations
@@ -105,11 +105,14 @@ class MitsubaTracer:
         numbers = NumbersDrawn(sampler)
         ray = self._camera_ray(pixel, numbers)
         drawn = numbers.take()
+        bounces = tuple(self._bounces(ray, numbers))
+        return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), bounces)
+
+    def _bounces(self, ray: Any, numbers: NumbersDrawn) -> Iterator[Bounce]:
+        """Follow a camera ray, and yield its bounces."""
         state = PathState(self._mi, ray)
-        bounces: list[Bounce] = []
-        while state.active and len(bounces) < self.method.max_depth:
-            bounces.append(self._bounce(state, numbers))
-        return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), tuple(bounces))
+        while state.active and state.depth < self.method.max_depth:
+            yield self._bounce(state, numbers)
 
     def _bounce(self, state: PathState, numbers: NumbersDrawn) -> Bounce:
         arriving = vector(state.throughput)
@@ -243,34 +246,3 @@ def _light_names(scene: Any) -> dict[Any, str]:
     }
     others = [emitter for emitter in scene.emitters() if emitter not in names]
     return names | {e: f"emitter {number}" for number, e in enumerate(others, start=1)}
-
-
-def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
-    """Load the job's scene; return the camera's entries and what traces each request."""
-    edited = load_edited_scene(
-        Path(job["path"]),
-        job["parameters"],
-        box_filter=True,
-        keep_shapes_apart=True,
-        colors_alone=True,
-        plugins=job["plugins"],
-    )
-    sensor = edited.scene.sensors()[0]
-    tracer = MitsubaTracer(edited.scene, job["spp"] or sensor.sampler().sample_count())
-    width, height = (int(n) for n in sensor.film().crop_size())
-    seeds = pixel_seeds(width, height, job["seed"])
-
-    def answer(wanted: dict[str, Any]) -> dict[str, Any]:
-        x, y = wanted["pixel"]
-        seed = int(seeds[y, x])
-        with twins_explained(job["plugins"]):
-            if wanted["sample"] is None:
-                return {"paths": [asdict(path) for path in tracer.trace_all((x, y), seed)]}
-            return asdict(tracer.trace((x, y), seed, wanted["sample"]))
-
-    entries = camera_entries(load_mitsuba(), sensor)
-    return {"camera": [float(entry) for entry in entries]}, answer
-
-
-if __name__ == "__main__":
-    answer_requests(start)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from mitsuba_ref.our_renderer.traced_path import (
+    ENDED,
+    WHITE,
     Bounce,
     SampledLight,
     Scattered,
@@ -189,8 +191,8 @@ def _bounce(
 ) -> Iterator[Quantity]:
     shapes = (None if x is None else _shape(x) for x in (a, b))
     yield _decision(number, "hits", *shapes, kind="hit")
-    if a is None or b is None:
-        return  # the bounce before has said why
+    if a is None or b is None or ENDED in (a.event, b.event):
+        return  # this, or the bounce before, has said why
     at_surface = list(_at_surface(number, a, b, faint))
     # On an edge that two faces share either is right, as long as all goes on alike; where
     # normals or colours part there, or one of the paths ends, the edge is the cause.
@@ -226,7 +228,7 @@ def _same_side(a: Vector | None, b: Vector | None) -> Vector | None:
 
 
 def _shape(bounce: Bounce) -> str:
-    return f"shape {bounce.shape}" if bounce.shape else "nothing"
+    return bounce.event or (f"shape {bounce.shape}" if bounce.shape else "nothing")
 
 
 def _light(
@@ -259,6 +261,8 @@ def _light(
         yield Quantity(number, "light blocked", a.blocked, b.blocked)
     else:
         yield _decision(number, "light blocked", a.blocked, b.blocked, kind="shadow")
+        if not (a.blocked or b.blocked or a.passed == b.passed == WHITE):
+            yield _vectors(number, "light passes", a.passed, b.passed)
     yield _vectors(number, "light adds", a.contribution, b.contribution, faint)
 
 

@@ -66,8 +66,9 @@ SUM = 1e-4
 SUMS = ("radiance so far", "radiance")
 """Names of what is no step but the sum of many."""
 
-ENDS = ("hit", "light choice", "roulette", "end")
-"""After a decision of these kinds two paths have nothing in common any more."""
+ENDS = ("hit", "light choice", "roulette", "end", "random numbers")
+"""After a decision of these kinds two paths have nothing in common any more. (How many
+random numbers a shadow ray takes is one, in media.)"""
 
 Key = tuple[int, str, int]
 Ray = tuple[Vector, Vector]
@@ -159,7 +160,7 @@ class LedPath:
     def _smallest_step(self, key: Key, quantity: Quantity) -> float | None:
         """Return the size of the first move that explains a quantity; None if none does."""
         bounce, value = quantity.bounce, quantity.kind == "value"
-        if bounce < 0 or quantity.kind == "random numbers":
+        if bounce < 0:
             return None
         beside = self._led if value else self._reference
         for step, path in self._paths_moved(bounce):
@@ -187,7 +188,7 @@ class LedPath:
     def _lie_in_one_point(self, k: int) -> bool:
         """Return whether the surfaces that both have hit lie in one point, in our eyes."""
         a, b = self._led.bounces[k], self._reference.bounces[k]
-        if a.position is None or b.position is None:
+        if a.position is None or b.position is None or not (a.shape and b.shape):
             return False
         origin, direction = _ray(self._reference, k)
         there = self._hit_alone(b.shape, origin, direction)

@@ -11,6 +11,7 @@ from mitsuba_ref.our_renderer.picture import (
 )
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
+from mitsuba_ref.our_renderer.steps_in_media import StepsInMedia
 from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
@@ -31,7 +32,7 @@ from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene, build_scene
 from renderer.scene_file.description import SceneDescription
 
-METHODS = ("path", "direct")
+METHODS = ("path", "direct", "volpath")
 
 Pixel = tuple[int, int]
 
@@ -82,7 +83,7 @@ class TracedPair:
         scene, plan = _to_trace(read_scene(request), request.spp)
         film = scene.description.camera.film
         if plan.name not in METHODS:
-            known = " and ".join(METHODS)
+            known = f"{', '.join(METHODS[:-1])} and {METHODS[-1]}"
             raise NotTraceable(
                 f"{request.path}: a trace follows {known} with one sample at a point, not "
                 f"{plan.name}"
@@ -161,7 +162,8 @@ class TracedPair:
             options = RenderOptions(
                 seed=self._request.seed, threads=1, measured_camera=self.camera
             )
-            self._ours = StepByStep(RenderJob(self._scene, self._plan, options))
+            steps_of = StepsInMedia if self._plan.kind.media else StepByStep
+            self._ours = steps_of(RenderJob(self._scene, self._plan, options))
         return self._ours
 
     def _mitsuba_process(self) -> VariantProcess:
@@ -175,7 +177,7 @@ class TracedPair:
                 "plugins": request.plugins,
             }
             self._mitsuba = VariantProcess(
-                "mitsuba_ref.replay.paths.mitsuba_trace", VARIANT, job, self._time_limit
+                "mitsuba_ref.replay.paths.mitsuba_trace_process", VARIANT, job, self._time_limit
             )
         return self._mitsuba
 

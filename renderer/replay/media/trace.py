@@ -83,45 +83,72 @@ _NO_LAST = np.int64(1 << 30)  # paths end before the flight, too
 @method_kernel
 def trace_in_order(order, tile, sample, work):
     """Do as `integrators.volpath.trace_paths`, with the numbers in Mitsuba's order."""
-    scene, replay, carry = order.scene, order.replay, order.carry
-    rays, hits = work.rays, work.hits
-    count = camera_hits(scene, tile, sample, work)
+    count = camera_hits(order.scene, tile, sample, work)
+    begin_paths(order, tile, sample, work, count)
+    while count > 0:
+        count, collisions = fly_in_order(order, tile, sample, work, count)
+        add_found_light(order.carry, order.scene, tile, work, count)
+        draw_lights(order, tile, sample, work, count, collisions)
+        light_surfaces(order, tile, sample, work)
+        light_collisions(order, tile, sample, work, collisions)
+        draw_directions(order, tile, sample, work, count, collisions)
+        count = scatter_in_order(order, tile, sample, work, collisions)
+        next_hits(order.scene, work, count)
+
+
+@kernel
+def begin_paths(order, tile, sample, work, count):
+    """Begin the paths of `count` camera rays, whose hits are known."""
+    scene, rays, hits = order.scene, work.rays, work.hits
     begin_in_medium(scene.media, work, count)
     zero = np.int64(0)
     if scene.settings.hide_emitters != 0 and scene.media.camera != VACUUM:
         reset_hits(hits, zero, count)  # Mitsuba hides no lamps in a medium
         intersect(scene.groups, rays, hits, zero, count, False, None)
     for k in range(count):
-        draw_channel(replay, tile, sample, rays.slot[k])
-        begin_path(carry, pixel_of(tile, rays.slot[k]))
-    while count > 0:
-        count, collisions = fly_in_order(order, tile, sample, work, count)
-        add_found_light(carry, scene, tile, work, count)
-        group_by_bsdf(scene, work, zero, count)
-        _draw_lights(order, tile, sample, work, count, collisions)
-        _light_surfaces(order, tile, sample, work)
-        _light_collisions(order, tile, sample, work, collisions)
-        for k in range(count):
-            if hits.prim[k] >= 0:
-                draw_direction(replay, tile, sample, rays.slot[k])
-        count = scatter(scene, tile, sample, _NO_ROULETTE, work)
-        note_scattered(carry, tile, rays, zero, count)
-        first = leave_surfaces(scene, work, count, _NO_LAST)
-        count = _scatter_collisions(order, tile, sample, work, collisions, first)
-        note_scattered(carry, tile, rays, first, count)
-        reset_hits(hits, zero, count)
-        intersect(scene.groups, rays, hits, zero, count, False, None)
-        if scene.settings.hide_emitters != 0:
-            hide_lamps(scene, work, count, False)
+        draw_channel(order.replay, tile, sample, rays.slot[k])
+        begin_path(order.carry, pixel_of(tile, rays.slot[k]))
+
+
+@kernel
+def draw_directions(order, tile, sample, work, count, collisions):
+    """Draw the numbers of the BSDFs of `count` hits, and of phase functions."""
+    for k in range(count):
+        if work.hits.prim[k] >= 0:
+            draw_direction(order.replay, tile, sample, work.rays.slot[k])
+    for k in range(collisions):
+        draw_direction(order.replay, tile, sample, work.media.collisions.slot[k])
+
+
+@kernel
+def scatter_in_order(order, tile, sample, work, collisions):
+    """Send paths on from surfaces and collisions; return how many there are."""
+    scene, carry, rays = order.scene, order.carry, work.rays
+    count = scatter(scene, tile, sample, _NO_ROULETTE, work)
+    note_scattered(carry, tile, rays, np.int64(0), count)
+    first = leave_surfaces(scene, work, count, _NO_LAST)
+    count = _scatter_collisions(order, tile, work, collisions, first)
+    note_scattered(carry, tile, rays, first, count)
+    return count
+
+
+@kernel
+def next_hits(scene, work, count):
+    """Find what `count` rays hit that were scattered."""
+    reset_hits(work.hits, np.int64(0), count)
+    intersect(scene.groups, work.rays, work.hits, np.int64(0), count, False, None)
+    if scene.settings.hide_emitters != 0:
+        hide_lamps(scene, work, count, False)
 
 
 # --------------------------------------------------------------------------------- lights
 
 
 @kernel
-def _draw_lights(order, tile, sample, work, count, collisions):
-    """Draw the lights' numbers of surfaces with a smooth part, and of collisions."""
+def draw_lights(order, tile, sample, work, count, collisions):
+    """Group hits by BSDF; draw the lights' numbers of smooth ones, and of collisions."""
     scene, replay, state = order.scene, order.replay, work.media
+    group_by_bsdf(scene, work, np.int64(0), count)
     rays, hits, points = work.rays, work.hits, state.collisions
     last = scene.settings.max_depth - 1
     for k in range(count):
@@ -247,7 +274,8 @@ def _add_light(order, tile, work, cast):
 
 
 @kernel
-def _light_surfaces(order, tile, sample, work):
+def light_surfaces(order, tile, sample, work):
+    """Add what light samples at surfaces carry."""
     scene, points = order.scene, work.points
     count = work.ends[scene.bsdfs.smooth]
     if count == 0 or not samples_lights(scene):
@@ -259,7 +287,8 @@ def _light_surfaces(order, tile, sample, work):
 
 
 @kernel
-def _light_collisions(order, tile, sample, work, count):
+def light_collisions(order, tile, sample, work, count):
+    """Add what light samples at `count` collisions carry."""
     scene, points = order.scene, work.media.collisions
     if count == 0 or not samples_lights(scene):
         return
@@ -273,12 +302,10 @@ def _light_collisions(order, tile, sample, work, count):
 
 
 @kernel
-def _scatter_collisions(order, tile, sample, work, count, end):
+def _scatter_collisions(order, tile, work, count, end):
     """Send paths on from their collisions; append their rays and return the new end."""
     media, replay, rays = order.scene.media, order.replay, work.rays
     points = work.media.collisions
-    for k in range(count):
-        draw_direction(replay, tile, sample, points.slot[k])
     for i in range(0, count, 16):
         mine = first_lanes(count - i)
         slot, medium = load_row(points.slot, 0, i), load_row(points.bsdf, 0, i)
