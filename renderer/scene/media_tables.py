@@ -109,9 +109,14 @@ def _factor(volume: Volume) -> Any:
 
 
 def _sigma_t(medium: Medium) -> Any:
-    """Return the extinction, or the factor of a grid; 0 where nothing ever collides."""
+    """Return the extinction, or the factor of a grid; 0 where nothing ever collides.
+
+    A product of two float32, as in Mitsuba: there, in a medium that is constant, it equals
+    the majorant in all bits, so that no collision is null.
+    """
     nothing = medium.plugin != "homogeneous" and np.float32(_majorant(medium)) == 0.0
-    return np.multiply(0.0 if nothing else medium.scale, _factor(medium.sigma_t))
+    scale = np.float32(0.0 if nothing else medium.scale)
+    return scale * np.array(_factor(medium.sigma_t), np.float32)
 
 
 def _majorant(medium: Medium) -> float:
