@@ -21,7 +21,7 @@ def add_trace_options(parser: argparse.ArgumentParser) -> None:
         type=_pixel,
         metavar="X,Y",
         help="print both paths at a pixel of the picture as shown (counted from 0 at the "
-        "top left, inside the crop window), bounce by bounce; for path and direct",
+        "top left, inside the crop window), bounce by bounce; for path, direct, volpath",
     )
     group.add_argument(
         "--sample",

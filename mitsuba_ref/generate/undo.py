@@ -207,12 +207,20 @@ def widen_the_scene(root: Element) -> bool:
 
 
 def coat_lamps(root: Element) -> bool:
-    """Leave out BSDFs and media of spheres that shine: nothing goes through them then."""
+    """Leave out BSDFs and media of spheres that shine: nothing goes through them then.
+
+    In a scene with media, where paths scatter inside of them too, they do not shine.
+    """
+    kinds = ("bsdf", "medium", *(["emitter"] if _has_media_and_lights(root) else []))
     lamps = root.findall(".//shape[@type='sphere'][emitter]")
-    inside = [(lamp, e) for lamp in lamps for kind in ("bsdf", "medium") for e in lamp.findall(kind)]
+    inside = [(lamp, e) for lamp in lamps for kind in kinds for e in lamp.findall(kind)]
     for lamp, element in inside:
         lamp.remove(element)
     return len(inside) > 0
+
+
+def _has_media_and_lights(root: Element) -> bool:
+    return root.find(".//medium") is not None and root.find("emitter") is not None
 
 
 def move_textures_of_curves(root: Element) -> bool:

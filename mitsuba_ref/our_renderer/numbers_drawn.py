@@ -42,9 +42,7 @@ class NumbersDrawn:
             array[...] = at_start
         return range(sample if self._sampler else 0)
 
-    def nudge(
-        self, tile: Tile, by: tuple[float, float], rows: slice = slice(None)
-    ) -> None:
+    def nudge(self, tile: Tile, by: tuple[float, float], rows: slice = slice(None)) -> None:
         """Add to the numbers of a bounce, to every other one the second of the two."""
         if self._sampler is not None:
             pixel = tile.y * tile.film_width + tile.x
@@ -75,7 +73,7 @@ class NumbersDrawn:
         return drawn
 
     def forget(self, tile: Tile) -> None:
-        """Forget the numbers of an event, which a path in media draws when it needs them."""
+        """Forget the numbers of an event; paths in media draw them as they need them."""
         if self._sampler is not None:
             pixel = tile.y * tile.film_width + tile.x
             self._sampler.numbers[[BSDF_CHOICE, BSDF, LIGHT], pixel] = _NOT_DRAWN

@@ -115,7 +115,9 @@ class StepByStep:
         direction[:, 0] = new / np.linalg.norm(new)
         origin[:, 0] = origin[:, 0].astype(np.float64) + moved.start
 
-    def _lead(self, tile: Tile, sample: int, along: TracedPath | None, segment: int) -> None:
+    def _lead(
+        self, tile: Tile, sample: int, along: TracedPath | None, segment: int
+    ) -> None:
         """Make the ray in `work` that of another path, if that has one."""
         if along is None:
             return

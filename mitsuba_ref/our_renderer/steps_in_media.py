@@ -58,7 +58,9 @@ class StepsInMedia(StepByStep):
     def _next_hits(self, count: int) -> None:
         media_stages.next_hits_step(self._order, self._packed_work, count)
 
-    def _lead(self, tile: Tile, sample: int, along: TracedPath | None, segment: int) -> None:
+    def _lead(
+        self, tile: Tile, sample: int, along: TracedPath | None, segment: int
+    ) -> None:
         """Make the ray in `work` that of another path, and its random numbers.
 
         The other one may have drawn more or fewer of them in a medium.
@@ -76,7 +78,8 @@ class StepsInMedia(StepByStep):
         assert at is not None
         rays.previous[:, 0] = at
         self._begun.rewind(0)
-        drawn = [name for numbers in (along, *before) for name in numbers.numbers]
+        numbers = (along.numbers, *(b.numbers for b in before))
+        drawn = [name for numbers_of_one in numbers for name in numbers_of_one]
         kinds = np.array(list(_kinds_of(drawn)), np.int64)
         pixel = np.int64(tile.y * tile.film_width + tile.x)
         media_stages.redraw_step(self._order, pixel, sample, kinds)
@@ -157,18 +160,14 @@ class StepsInMedia(StepByStep):
             return ()
         return (self._sampled_light(int(shown[0]), blocked, None, passed),)
 
-    def _scattered(
-        self, tile: Tile, sample: int, collisions: np.int64
-    ) -> Scattered | None:
+    def _scattered(self, tile: Tile, sample: int, collisions: np.int64) -> Scattered | None:
         """Scatter; roulette is played in the flight."""
         packed, rays = self._packed_work, self._work.rays
         if media_stages.scatter_step(self._order, tile, sample, packed, collisions) == 0:
             return None
         direction, throughput = column(rays.direction), column(rays.throughput)
         pdf, straight = max(float(rays.pdf[0]), 0.0), int(rays.lobe[0]) == STRAIGHT
-        return Scattered(
-            direction, pdf, throughput, True, column(rays.origin), straight
-        )
+        return Scattered(direction, pdf, throughput, True, column(rays.origin), straight)
 
 
 def _end_of_path(radiance: tuple[float, float, float]) -> Bounce:

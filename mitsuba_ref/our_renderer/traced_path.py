@@ -84,6 +84,7 @@ class TracedPath:
     origin: Vector  # of the camera ray
     direction: Vector  # unit
     bounces: tuple[Bounce, ...] = field(default_factory=tuple)
+    in_media: bool = False  # how many random numbers it takes depends on its flights
 
     @property
     def radiance(self) -> Vector:
@@ -104,6 +105,7 @@ def path_from_json(data: dict[str, Any]) -> TracedPath:
         origin=_vector(data["origin"]),
         direction=_vector(data["direction"]),
         bounces=tuple(_bounce(bounce) for bounce in data["bounces"]),
+        in_media=data["in_media"],
     )
 
 

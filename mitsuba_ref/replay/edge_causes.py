@@ -1,6 +1,6 @@
 """What can be said about a divergent pixel of an integrator that has no trace.
 
-Only `path` and `direct` are written down bounce by bounce. For the others our AOVs show
+Only `path`, `direct` and `volpath` are written down bounce by bounce. For the others our AOVs show
 whether the camera rays of the pixel pass an edge: one ray through each pixel's centre, and
 the shapes and primitives that the neighbouring pixels see.
 """
@@ -30,7 +30,7 @@ def first_hit_causes(
     """Return the divergent pixels of a replay, each with a sentence on where it lies."""
     wanted = replace(request, kind="aovs", spp=None, replay=False, camera=None)
     arrays = render_ours(wanted).arrays
-    no_trace = f"No trace: {integrator} is followed by none, only path and direct are."
+    no_trace = f"No trace of {integrator}; possible are path, direct and volpath."
     return tuple(
         replace(p, cause=f"{no_trace} {place_sentence(arrays, p.x, p.y)}") for p in pixels
     )

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 from mitsuba_ref.our_renderer.traced_path import (
@@ -22,11 +20,7 @@ from mitsuba_ref.our_renderer.traced_path import (
     TracedPath,
     light_number,
 )
-from mitsuba_ref.reference.edited_scene import load_edited_scene
-from mitsuba_ref.reference.render import camera_entries
-from mitsuba_ref.reference.user_plugins import twins_explained
 from mitsuba_ref.reference.variant import load_mitsuba
-from mitsuba_ref.reference.variant_process import Answerer, answer_requests
 from mitsuba_ref.replay.integrator_method import read_method
 from mitsuba_ref.replay.paths.mitsuba_path import (
     NumbersDrawn,
@@ -34,7 +28,6 @@ from mitsuba_ref.replay.paths.mitsuba_path import (
     film_place,
     vector,
 )
-from renderer.replay.pixel_seeds import pixel_seeds
 
 NAME = "Mitsuba"
 
@@ -54,7 +47,7 @@ class MitsubaTracer:
     Raises
     ------
     MitsubaError
-        For an integrator other than `path` and `direct`.
+        For an integrator that `read_method` does not know.
     """
 
     def __init__(self, scene: Any, spp: int, integrator: Any = None) -> None:
@@ -106,7 +99,8 @@ class MitsubaTracer:
         ray = self._camera_ray(pixel, numbers)
         drawn = numbers.take()
         bounces = tuple(self._bounces(ray, numbers))
-        return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), bounces)
+        media = self.method.media
+        return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), bounces, media)
 
     def _bounces(self, ray: Any, numbers: NumbersDrawn) -> Iterator[Bounce]:
         """Follow a camera ray, and yield its bounces."""

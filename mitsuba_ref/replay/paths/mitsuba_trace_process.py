@@ -17,6 +17,12 @@ from mitsuba_ref.replay.paths.mitsuba_volpath import VolpathTracer
 from renderer.replay.pixel_seeds import pixel_seeds
 
 
+def tracer_of(scene: Any, spp: int, integrator: Any = None) -> MitsubaTracer:
+    """Return what traces a scene; parameters and errors are those of `MitsubaTracer`."""
+    media = read_method(integrator or scene.integrator()).media
+    return (VolpathTracer if media else MitsubaTracer)(scene, spp, integrator)
+
+
 def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     """Load the job's scene; return the camera's entries and what traces each request."""
     edited = load_edited_scene(
@@ -28,8 +34,6 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         plugins=job["plugins"],
     )
     sensor = edited.scene.sensors()[0]
-    media = read_method(edited.scene.integrator()).media
-    tracer_of = VolpathTracer if media else MitsubaTracer
     tracer = tracer_of(edited.scene, job["spp"] or sensor.sampler().sample_count())
     width, height = (int(n) for n in sensor.film().crop_size())
     seeds = pixel_seeds(width, height, job["seed"])

@@ -49,9 +49,9 @@ class VolpathTracer(MitsubaTracer):
         medium, number = self._sensor.get_medium(), numbers.one("colour")
         state = _PathInMedia(self._mi, ray, medium, number)
         while state.active:
-            yield self._bounce(state, numbers)
+            yield self._flight(state, numbers)
 
-    def _bounce(self, state: _PathInMedia, numbers: NumbersDrawn) -> Bounce:
+    def _flight(self, state: _PathInMedia, numbers: NumbersDrawn) -> Bounce:
         start, before = vector(state.ray.o), state.result
         event, at = self._fly(state, numbers)
         hidden = self.method.hide_emitters and state.depth == 0
@@ -59,7 +59,9 @@ class VolpathTracer(MitsubaTracer):
             state.active = False
             here = vector(state.result)
             drawn = numbers.take()
-            return Bounce(0, None, 0.0, None, BLACK, BLACK, drawn, (), None, here, event=ENDED)
+            return Bounce(
+                0, None, 0.0, None, BLACK, BLACK, drawn, (), None, here, event=ENDED
+            )
         arriving, hit = vector(state.throughput), not event and bool(at.is_valid())
         position = vector(at.p) if hit or event else None
         lights: tuple[SampledLight, ...] = ()
@@ -87,17 +89,15 @@ class VolpathTracer(MitsubaTracer):
             event=event,
         )
 
-    # ------------------------------------------------------------------------- flights
-
     def _fly(self, state: _PathInMedia, numbers: NumbersDrawn) -> tuple[str, Any]:
-        """Return how a flight ends, and the interaction there; empty: at a surface or not."""
+        """Return how a flight ends (empty: not in a medium) and the interaction there."""
         method, si, count = self.method, None, 0
         while True:
             count += 1
             if not any(vector(state.throughput)):
                 return ENDED, None
             largest = np.float32(max(vector(state.throughput)))
-            survival = min(largest * (state.eta * state.eta), _MOST_SURVIVAL)
+            survival = float(min(largest * (state.eta * state.eta), _MOST_SURVIVAL))
             number = numbers.one(f"roulette {count}")
             if state.depth > (method.roulette_depth or 0):
                 if not number < survival:
@@ -151,8 +151,6 @@ class VolpathTracer(MitsubaTracer):
         ray, scene, flags = si.spawn_ray(state.ray.d), self._scene, self._mi.RayFlags
         behind = scene.integrator().skip_area_emitters(scene, ray, True, True)
         return behind.compute_surface_interaction(ray, int(flags.All), True)
-
-    # ------------------------------------------------------------------------- scattering
 
     def _scatter_in_medium(
         self, state: _PathInMedia, mei: Any, numbers: NumbersDrawn
@@ -214,10 +212,13 @@ class VolpathTracer(MitsubaTracer):
         origin = vector(state.ray.o)
         return Scattered(vector(direction), pdf, throughput, True, origin, straight)
 
-    # ------------------------------------------------------------------------- light samples
-
     def _sampled(
-        self, state: _PathInMedia, at: Any, eval_pdf: Any, medium: Any, numbers: NumbersDrawn
+        self,
+        state: _PathInMedia,
+        at: Any,
+        eval_pdf: Any,
+        medium: Any,
+        numbers: NumbersDrawn,
     ) -> tuple[SampledLight, ...]:
         """Sample a light at a surface or a collision, and add what arrives."""
         mi, scene, point = self._mi, self._scene, numbers.two(light_number(0))

@@ -160,7 +160,8 @@ class LedPath:
     def _smallest_step(self, key: Key, quantity: Quantity) -> float | None:
         """Return the size of the first move that explains a quantity; None if none does."""
         bounce, value = quantity.bounce, quantity.kind == "value"
-        if bounce < 0:
+        numbers = quantity.kind == "random numbers" and not self._reference.in_media
+        if bounce < 0 or numbers:
             return None
         beside = self._led if value else self._reference
         for step, path in self._paths_moved(bounce):
@@ -277,7 +278,8 @@ def cause_of(found: Finding, first: Quantity) -> str:
 
     Empty where rounding has no part in it: other random numbers, and a camera ray.
     """
-    if first.kind == "random numbers" or first.bounce < 0:
+    others = first.kind == "random numbers" and not found.within_rounding
+    if others or first.bounce < 0:
         return ""
     step = found.quantity
     same = step is not None and (step.bounce, step.name) == (first.bounce, first.name)

@@ -39,7 +39,11 @@ Pixel = tuple[int, int]
 
 def is_traceable(description: SceneDescription) -> bool:
     """Tell whether the paths of a scene's colours are written down bounce by bounce."""
-    return _to_trace(description, None)[1].name in METHODS
+    return _is_traced(_to_trace(description, None)[1])
+
+
+def _is_traced(plan: Plan) -> bool:
+    return plan.name in METHODS and not plan.mis_densities  # `volpathmis`: not
 
 
 def _to_trace(description: SceneDescription, spp: int | None) -> tuple[Scene, Plan]:
@@ -82,11 +86,11 @@ class TracedPair:
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
         scene, plan = _to_trace(read_scene(request), request.spp)
         film = scene.description.camera.film
-        if plan.name not in METHODS:
+        if not _is_traced(plan):
             known = f"{', '.join(METHODS[:-1])} and {METHODS[-1]}"
             raise NotTraceable(
                 f"{request.path}: a trace follows {known} with one sample at a point, not "
-                f"{plan.name}"
+                f"{'volpathmis' if plan.mis_densities else plan.name}"
             )
         self.size = (film.crop_width, film.crop_height)
         self.spp = plan.spp
@@ -177,7 +181,10 @@ class TracedPair:
                 "plugins": request.plugins,
             }
             self._mitsuba = VariantProcess(
-                "mitsuba_ref.replay.paths.mitsuba_trace_process", VARIANT, job, self._time_limit
+                "mitsuba_ref.replay.paths.mitsuba_trace_process",
+                VARIANT,
+                job,
+                self._time_limit,
             )
         return self._mitsuba
 

@@ -44,5 +44,5 @@ def test_each_pixel_gets_a_sentence_that_says_why_there_is_no_trace():
     request = RenderRequest("scene.xml", spp=16, replay=True, camera=(1.0,) * 6)
     told = first_hit_causes(pixels, request, "whitted", ours)
     assert [(one.kind, one.replay, one.spp) for one in asked] == [("aovs", False, None)]
-    assert all("No trace: whitted is followed by none" in one.cause for one in told)
+    assert all("No trace of whitted" in one.cause for one in told)
     assert "passes no edge" in told[0].cause and "next to an edge" in told[1].cause
