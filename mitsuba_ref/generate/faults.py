@@ -137,6 +137,11 @@ KNOWN_FAULTS = (
         most=2e-3,
     ),
     KnownFault(
+        "a null collision of a share of 1e-7, or of none",
+        undo.take_nearest_cells,
+        (*_IN_MEDIA, "light blocked"),
+    ),
+    KnownFault(
         "a transmittance of about 2^-126, by the thread",
         undo.thin_the_media,
         ("throughput", "light passes"),
