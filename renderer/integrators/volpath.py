@@ -16,6 +16,7 @@ from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.path import INTEGRATOR as PATH
 from renderer.integrators.path import read_paths, whole_paths
 from renderer.integrators.stages.emission import add_emitted_light
+from renderer.integrators.stages.equiangular import flight_share, light_segments
 from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
@@ -27,12 +28,23 @@ from renderer.integrators.stages.media import (
 )
 from renderer.integrators.stages.media_shadows import light_collisions, light_surfaces
 from renderer.integrators.stages.scatter import scatter
-from renderer.kernels.jit import method_kernel
+from renderer.kernels.jit import kernel, method_kernel
 
 
 @method_kernel
 def trace_paths(scene, tile, sample, work):
     """Add the samples of a tile's squares to `work.radiance`."""
+    follow_paths(scene, tile, sample, work, None)
+
+
+@method_kernel
+def trace_paths_toward_lamps(scene, tile, sample, work):
+    """Do as `trace_paths`, with one more point of each segment in fog."""
+    follow_paths(scene, tile, sample, work, flight_share)
+
+
+@kernel
+def follow_paths(scene, tile, sample, work, share):
     rays, hits = work.rays, work.hits
     count = camera_hits(scene, tile, sample, work)
     if scene.settings.max_depth < 1:
@@ -40,11 +52,13 @@ def trace_paths(scene, tile, sample, work):
     begin_in_medium(scene.media, work, count)
     zero, step = np.int64(0), np.int64(0)
     while count > 0:
-        count, collisions = fly(scene, tile, sample, step, work, count)
+        if share is not None:
+            light_segments(scene, tile, sample, step, work, count)
+        count, collisions = fly(scene, tile, sample, step, work, count, share)
         add_emitted_light(scene, work, zero, count, True)
         group_by_bsdf(scene, work, zero, count)
         light_surfaces(scene, tile, sample, step, work)
-        light_collisions(scene, tile, sample, step, work, collisions)
+        light_collisions(scene, tile, sample, step, work, collisions, zero, share)
         count = scatter(scene, tile, sample, step, work)
         count = leave_surfaces(scene, work, count, scene.settings.max_depth - 1)
         count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
@@ -72,4 +86,5 @@ INTEGRATOR = IntegratorKind(
     sees_lights=True,
     scatters=True,
     media=True,
+    trace_through_panes=trace_paths_toward_lamps,
 )

@@ -125,7 +125,7 @@ def append_scattered(rays, end, points, i, direction, throughput, pdf, mask):
 
 
 @kernel
-def fly(scene, tile, sample, step, work, count):
+def fly(scene, tile, sample, step, work, count, share):
     """Let `count` rays fly; return how many reach their surface, and how many collide.
 
     The former are compacted in place, in their order.
@@ -173,6 +173,9 @@ def fly(scene, tile, sample, step, work, count):
             throughput = select3(inside, throughput * flight.weight, throughput)
             alive = fabs(largest(throughput)) > 0.0
             collided = flight.collided & alive & (depth < np.int32(last))
+            if share is not None:
+                part = share(scene, step, medium, origin, direction, select(missed, splat_f32(np.float32(np.inf)), load_row(hits.t, 0, i)), flight.distance, collided)
+                append_row(points.pdf, 0, collisions, part, collided)
             collisions = append_collisions(
                 points,
                 collisions,

@@ -240,7 +240,7 @@ def light_surfaces(scene, tile, sample, step, work):
 
 
 @kernel
-def cast_from_collisions(scene, work, count):
+def cast_from_collisions(scene, work, count, shared):
     """Append what the sampled lights would contribute to `work.shadow_rays`."""
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples
@@ -254,6 +254,8 @@ def cast_from_collisions(scene, work, count):
         phase = eval_phase(media, medium, -dot(load3(points.wo, i), wi), mine)
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = phase * light_sample_weight(settings, light_pdf, phase) / probability
+        if shared is not None:
+            weight = weight * load_row(points.pdf, 0, i)
         carried = load3(points.throughput, i) * load3(samples.radiance, i) * weight
         lit = mine & is_lit(carried)
         append3(shadow_rays.origin, cast, load3(points.position, i), lit)
@@ -267,13 +269,13 @@ def cast_from_collisions(scene, work, count):
 
 
 @kernel
-def light_collisions(scene, tile, sample, step, work, count):
+def light_collisions(scene, tile, sample, step, work, count, turn, shared):
     """Add the direct light at the collisions of paths with media."""
     if count == 0 or not samples_lights(scene):
         return
     there = with_rays_and_points(
         work, work.rays, work.hits, work.media.collisions, work.order, work.ends
     )
-    sample_lights(scene, np.int64(0), tile, sample, step, there, count)
-    cast = cast_from_collisions(scene, work, count)
+    sample_lights(scene, turn, tile, sample, step, there, count)
+    cast = cast_from_collisions(scene, work, count, shared)
     _trace(scene, tile, sample, step, work, cast, False)

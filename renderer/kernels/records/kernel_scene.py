@@ -158,3 +158,4 @@ class KernelScene(NamedTuple):
     # where light samples go through panes: these alone, and the area lights alone
     pane_groups: Methods
     lamp_groups: Methods
+    fog_lamps: NDArray[np.float32]

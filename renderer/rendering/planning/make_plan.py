@@ -253,6 +253,7 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
     """Return whether the plan allows that panes refract light samples."""
     return (
         plan.kind.trace_through_panes is not None
+        and not plan.kind.media
         and plan.light_choice == "importance"
         and plan.weigh
         and plan.mirrors

@@ -229,7 +229,20 @@ class _SceneTables:
             media_tables(scene.description if plan.kind.media else None),
             pane_groups,
             lamp_groups,
+            _fog_lamps(scene, plan),
         )
+
+
+def _fog_lamps(scene, plan):
+    import os
+    from renderer.scene.light_tables import light_bounds
+    steps = float(os.environ.get("FOG", "0"))
+    rows = []
+    if steps and plan.kind.media:
+        for b in light_bounds(scene):
+            if not b.at_infinity:
+                rows.append([*b.center, b.radius**2, b.strength, steps])
+    return np.ascontiguousarray(np.array(rows or [[0.0] * 6], "f4").T)
 
 
 def has_lights(scene: Scene) -> bool:
