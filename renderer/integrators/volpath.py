@@ -16,7 +16,6 @@ from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.path import INTEGRATOR as PATH
 from renderer.integrators.path import read_paths, whole_paths
 from renderer.integrators.stages.emission import add_emitted_light
-from renderer.integrators.stages.equiangular import flight_share, light_segments
 from renderer.integrators.stages.intersect import camera_hits, intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.media import (
@@ -27,6 +26,7 @@ from renderer.integrators.stages.media import (
     scatter_collisions,
 )
 from renderer.integrators.stages.media_shadows import light_collisions, light_surfaces
+from renderer.integrators.stages.near_lamps import light_near_lamps
 from renderer.integrators.stages.scatter import scatter
 from renderer.kernels.jit import kernel, method_kernel
 
@@ -38,13 +38,14 @@ def trace_paths(scene, tile, sample, work):
 
 
 @method_kernel
-def trace_paths_toward_lamps(scene, tile, sample, work):
-    """Do as `trace_paths`, with one more point of each segment in fog."""
-    follow_paths(scene, tile, sample, work, flight_share)
+def trace_paths_near_lamps(scene, tile, sample, work):
+    """Do as `trace_paths`, with one more point of segments in fog that pass lamps."""
+    follow_paths(scene, tile, sample, work, scene.fog_lamps)
 
 
 @kernel
-def follow_paths(scene, tile, sample, work, share):
+def follow_paths(scene, tile, sample, work, lamps):
+    """Add the samples of a tile's squares; `lamps` is an array, or None if compiled so."""
     rays, hits = work.rays, work.hits
     count = camera_hits(scene, tile, sample, work)
     if scene.settings.max_depth < 1:
@@ -52,13 +53,13 @@ def follow_paths(scene, tile, sample, work, share):
     begin_in_medium(scene.media, work, count)
     zero, step = np.int64(0), np.int64(0)
     while count > 0:
-        if share is not None:
-            light_segments(scene, tile, sample, step, work, count)
-        count, collisions = fly(scene, tile, sample, step, work, count, share)
+        if lamps is not None:
+            light_near_lamps(scene, tile, sample, step, work, count, lamps)
+        count, collisions = fly(scene, tile, sample, step, work, count, lamps)
         add_emitted_light(scene, work, zero, count, True)
         group_by_bsdf(scene, work, zero, count)
         light_surfaces(scene, tile, sample, step, work)
-        light_collisions(scene, tile, sample, step, work, collisions, zero, share)
+        light_collisions(scene, tile, sample, step, work, collisions, zero, lamps)
         count = scatter(scene, tile, sample, step, work)
         count = leave_surfaces(scene, work, count, scene.settings.max_depth - 1)
         count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
@@ -86,5 +87,5 @@ INTEGRATOR = IntegratorKind(
     sees_lights=True,
     scatters=True,
     media=True,
-    trace_through_panes=trace_paths_toward_lamps,
+    trace_near_lamps=trace_paths_near_lamps,
 )

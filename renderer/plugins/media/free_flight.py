@@ -195,16 +195,10 @@ def _through_homogeneous(media, medium, origin, direction, end, x, y, mask, flig
 
 
 @kernel
-def through(media, medium, distance, mask):
-    """Return sigma_t T of homogeneous media at a distance, RGB."""
+def attenuated_sigma_t(media, medium, distance, mask):
+    """Return sigma_t T(distance) of homogeneous media, RGB: densities of each colour."""
     sigma = gather3(media.sigma_t, medium, mask)
     return sigma * _transmittance(sigma, distance)
-
-
-@kernel
-def density_of_flight(media, medium, distance, mask):
-    """Return the density [1/length] of collisions in homogeneous media."""
-    return mean(through(media, medium, distance, mask))
 
 
 @kernel
