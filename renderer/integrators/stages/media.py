@@ -176,15 +176,9 @@ def fly(scene, tile, sample, step, work, count, lamps):
             alive = fabs(largest(throughput)) > 0.0
             collided = flight.collided & alive & (depth < np.int32(last))
             if lamps is not None:
+                t, lit = flight.distance, load_row(state.lit, 0, i)
                 weight = flight_weight(
-                    media,
-                    lamps,
-                    medium,
-                    origin,
-                    direction,
-                    flight.distance,
-                    load_row(state.lit, 0, i),
-                    collided,
+                    media, lamps, medium, origin, direction, t, lit, collided
                 )
                 append_row(points.pdf, 0, collisions, weight, collided)
             collisions = append_collisions(

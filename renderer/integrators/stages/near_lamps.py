@@ -4,7 +4,7 @@ A free flight collides by where the fog is. Few collisions are next to a small l
 these are bright: noise. So a segment that passes a lamp gets one more point, by equiangular
 sampling. There and at the collision a light sample is taken, each weighed by the balance
 heuristic over the distance t [Veach1997, section 9.2]: throughput T sigma_s / (p_flight +
-p_equiangular). The path itself goes on from its collision as ever.
+p_equiangular). The path itself goes on from its collision, unweighed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
     mask_bits,
-    popcount,
     select,
     splat_f32,
 )
@@ -34,15 +33,15 @@ from renderer.plugins.media.equiangular import (
 from renderer.plugins.media.free_flight import albedo_at, attenuated_sigma_t, mean
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-_PLACE = 4  # block of a bounce; 2 and 3 draw the lights of collisions, and of these points
-_SECOND = np.int64(1)
+# Blocks of a bounce: 2 draws the lights of collisions, 3 those of these points (`turn` 1)
+_PLACE = 4
 
 
 @kernel
 def light_near_lamps(scene, tile, sample, step, work, count, lamps):
     """Add the direct light at one more point of those of `count` segments that pass lamps.
 
-    The points are where collisions will be, which replace them.
+    The points are in the record of the collisions, which replace them afterwards.
     """
     found = _choose_segments(scene, work, count, lamps)
     if found == 0:
@@ -68,14 +67,14 @@ def light_near_lamps(scene, tile, sample, step, work, count, lamps):
         store_row(points.pdf, 0, i, splat_f32(1.0))
     for k in range(found):
         work.media.lit[points.prim[k]] = points.offset[k]
-    light_collisions(scene, tile, sample, step, work, found, _SECOND, lamps)
+    light_collisions(scene, tile, sample, step, work, found, np.int64(1), lamps)
 
 
 @kernel
 def _choose_segments(scene, work, count, lamps):
-    """Note the segments that pass lamps in fog, by their origins; return how many.
+    """Append the segments that pass lamps in fog to the collisions; return how many.
 
-    Of the points `t` is where the segment ends, and `prim` is the ray.
+    Each at the ray's origin; `t` is where the segment ends, `prim` the number of the ray.
     """
     media, state = scene.media, work.media
     rays, hits, points = work.rays, work.hits, state.collisions
@@ -98,15 +97,8 @@ def _choose_segments(scene, work, count, lamps):
         near = inside & is_uneven(lamps, origin, direction, end)
         append_row(points.t, 0, found, end, near)
         append_row(points.prim, 0, found, lane_index() + np.int32(i), near)
+        ray, eta = load3(rays.throughput, i), load_row(rays.eta, 0, i)
         found = append_collisions(
-            points,
-            found,
-            origin,
-            direction,
-            load3(rays.throughput, i),
-            medium,
-            slot,
-            load_row(rays.eta, 0, i),
-            near,
+            points, found, origin, direction, ray, medium, slot, eta, near
         )
     return found

@@ -262,7 +262,7 @@ class MediaWork(NamedTuple):
     # by the number of the shadow ray: (n,) the medium it is in, and how far it has to go
     inside: NDArray[np.int32]
     rest: NDArray[np.float32]
-    # (n,) by ray: the integral of the light of lamps nearby, see `plugins.media.equiangular`
+    # (n,) by ray: the integral of the light of lamps nearby (`plugins.media.equiangular`)
     lit: NDArray[np.float32]
 
 
