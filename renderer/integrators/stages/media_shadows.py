@@ -240,7 +240,7 @@ def light_surfaces(scene, tile, sample, step, work):
 
 
 @kernel
-def cast_from_collisions(scene, work, count, lamps):
+def cast_from_collisions(scene, work, count, lamps=None):
     """Append what the sampled lights would contribute to `work.shadow_rays`.
 
     With `lamps` the points have weights, in `pdf`.
