@@ -107,9 +107,9 @@ def test_points_near_lamps_lose_and_gain_no_light():
 
     Without roulette both follow the same paths, so pictures of one seed are compared. The
     camera does not see the lamps themselves. Means over 24 seeds, of the whole picture and
-    of four blocks, in three colours, may be 6 standard errors from 0: by Student's t with 23
-    degrees of freedom one of 15 is farther in 6e-5 of all cases. Of the whole picture a bias
-    of 1.5 % is seen for certain.
+    of four blocks, in three colours, may be 6 standard errors from 0: by Student's t with
+    23 degrees of freedom one of 15 is farther in 6e-5 of all cases. Of the whole picture a
+    bias of 1.5 % is seen for certain.
     """
     lamps = shining(0.1, (0.4, 0.6, 0.0), 90.0), shining(0.15, (-0.8, -0.3, 0.6))
     parts = *lamps, inside_of(CLOUD), cube_of(SMOKE)
