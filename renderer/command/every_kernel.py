@@ -165,6 +165,9 @@ def _methods() -> Iterator[SmallScene]:
     yield SmallScene("integrators", _scene(*objects), by_name)
     for name in IN_FILES:
         yield SmallScene(name, _scene(*objects, integrator=_plugin(name)), ({},))
+    fog = _plugin("sphere", bsdf=_plugin("null"), interior=_plugin("homogeneous"))
+    scene = _scene(*objects, fog, integrator=_plugin("volpath"))
+    yield SmallScene("a bulb in fog", scene, ({},))
     several = {"emitter_samples": 2, "bsdf_samples": 2}
     direct = _scene(*objects, integrator=_plugin("direct", **several))
     yield SmallScene("several samples", direct, ({}, {"sampler": REPLAY}))

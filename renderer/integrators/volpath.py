@@ -26,13 +26,26 @@ from renderer.integrators.stages.media import (
     scatter_collisions,
 )
 from renderer.integrators.stages.media_shadows import light_collisions, light_surfaces
+from renderer.integrators.stages.near_lamps import light_near_lamps
 from renderer.integrators.stages.scatter import scatter
-from renderer.kernels.jit import method_kernel
+from renderer.kernels.jit import kernel, method_kernel
 
 
 @method_kernel
 def trace_paths(scene, tile, sample, work):
     """Add the samples of a tile's squares to `work.radiance`."""
+    follow_paths(scene, tile, sample, work, None)
+
+
+@method_kernel
+def trace_paths_near_lamps(scene, tile, sample, work):
+    """Do as `trace_paths`, with one more point of segments in fog that pass lamps."""
+    follow_paths(scene, tile, sample, work, scene.fog_lamps)
+
+
+@kernel
+def follow_paths(scene, tile, sample, work, lamps):
+    """Add the samples of a tile's squares; `lamps` is an array, or None if compiled so."""
     rays, hits = work.rays, work.hits
     count = camera_hits(scene, tile, sample, work)
     if scene.settings.max_depth < 1:
@@ -40,11 +53,13 @@ def trace_paths(scene, tile, sample, work):
     begin_in_medium(scene.media, work, count)
     zero, step = np.int64(0), np.int64(0)
     while count > 0:
-        count, collisions = fly(scene, tile, sample, step, work, count)
+        if lamps is not None:
+            light_near_lamps(scene, tile, sample, step, work, count, lamps)
+        count, collisions = fly(scene, tile, sample, step, work, count, lamps)
         add_emitted_light(scene, work, zero, count, True)
         group_by_bsdf(scene, work, zero, count)
         light_surfaces(scene, tile, sample, step, work)
-        light_collisions(scene, tile, sample, step, work, collisions)
+        light_collisions(scene, tile, sample, step, work, collisions, zero, lamps)
         count = scatter(scene, tile, sample, step, work)
         count = leave_surfaces(scene, work, count, scene.settings.max_depth - 1)
         count = scatter_collisions(scene, tile, sample, step, work, collisions, count)
@@ -72,4 +87,5 @@ INTEGRATOR = IntegratorKind(
     sees_lights=True,
     scatters=True,
     media=True,
+    trace_near_lamps=trace_paths_near_lamps,
 )

@@ -396,7 +396,7 @@ class RenderOptions:
         "plan picture bands",
         "how one of several lights is chosen at a point: importance (default), by what it "
         "can give there, or uniform, each as often as any other, as in Mitsuba; with "
-        "uniform, panes of glass block light samples",
+        "uniform, panes of glass block light samples, and none are taken near lamps in fog",
         choices=LIGHT_CHOICES,
         noun="light choice",
     )

@@ -36,6 +36,7 @@ from renderer.kernels.lanes.vectors import (
 from renderer.kernels.records.kernel_scene import DRAW, RECORD
 from renderer.kernels.records.media import NO_BOUNDARY
 from renderer.plugins.bsdfs.kind import SMOOTH, STRAIGHT
+from renderer.plugins.media.equiangular import flight_weight
 from renderer.plugins.media.free_flight import free_flight, noise_of
 from renderer.plugins.media.phase_functions import eval_phase, sample_phase
 from renderer.plugins.sampling.numbers_and_warps import (
@@ -125,10 +126,11 @@ def append_scattered(rays, end, points, i, direction, throughput, pdf, mask):
 
 
 @kernel
-def fly(scene, tile, sample, step, work, count):
+def fly(scene, tile, sample, step, work, count, lamps):
     """Let `count` rays fly; return how many reach their surface, and how many collide.
 
-    The former are compacted in place, in their order.
+    The former are compacted in place, in their order. With `lamps` light samples of
+    collisions have weights, as others are taken next to lamps.
     """
     media, state = scene.media, work.media
     rays, hits, points = work.rays, work.hits, state.collisions
@@ -173,6 +175,12 @@ def fly(scene, tile, sample, step, work, count):
             throughput = select3(inside, throughput * flight.weight, throughput)
             alive = fabs(largest(throughput)) > 0.0
             collided = flight.collided & alive & (depth < np.int32(last))
+            if lamps is not None:
+                t, lit = flight.distance, load_row(state.lit, 0, i)
+                weight = flight_weight(
+                    media, lamps, medium, origin, direction, t, lit, collided
+                )
+                append_row(points.pdf, 0, collisions, weight, collided)
             collisions = append_collisions(
                 points,
                 collisions,

@@ -190,8 +190,8 @@ def pass_surfaces(scene, walk, count):
 
 
 @kernel
-def _trace(scene, tile, sample, step, work, cast, at_surfaces):
-    """Add what `cast` shadow rays carry to the light."""
+def _trace(scene, tile, sample, block, work, cast, at_surfaces):
+    """Add what `cast` shadow rays carry to the light; `block` is of random numbers."""
     state = work.media
     rays, hits = state.rays, state.hits
     walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
@@ -202,11 +202,11 @@ def _trace(scene, tile, sample, step, work, cast, at_surfaces):
             hits.prim[k] = -1
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         surfaces += 1
-        block = ON_THE_WAY + step * BLOCKS_PER_BOUNCE + surfaces
+        way = ON_THE_WAY + block + surfaces
         call(
             scene.sampler[0, DRAW],
             scene.sampler[0, RECORD],
-            (tile, sample, block, rays.slot, count, work.numbers),
+            (tile, sample, way, rays.slot, count, work.numbers),
         )
         _attenuate(scene, work, work.numbers, count)
         _arrive(work, count)
@@ -236,12 +236,15 @@ def light_surfaces(scene, tile, sample, step, work):
     keep_surfaces(work, count)
     sample_lights(scene, np.int64(0), tile, sample, step, work, count)
     cast = cast_shadow_rays(scene, work)
-    _trace(scene, tile, sample, step, work, cast, True)
+    _trace(scene, tile, sample, step * BLOCKS_PER_BOUNCE, work, cast, True)
 
 
 @kernel
-def cast_from_collisions(scene, work, count):
-    """Append what the sampled lights would contribute to `work.shadow_rays`."""
+def cast_from_collisions(scene, work, count, lamps=None):
+    """Append what the sampled lights would contribute to `work.shadow_rays`.
+
+    With `lamps` the points have weights, in `pdf`.
+    """
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples
     probability = light_probability(scene.lights, settings)
@@ -254,6 +257,8 @@ def cast_from_collisions(scene, work, count):
         phase = eval_phase(media, medium, -dot(load3(points.wo, i), wi), mine)
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = phase * light_sample_weight(settings, light_pdf, phase) / probability
+        if lamps is not None:
+            weight = weight * load_row(points.pdf, 0, i)
         carried = load3(points.throughput, i) * load3(samples.radiance, i) * weight
         lit = mine & is_lit(carried)
         append3(shadow_rays.origin, cast, load3(points.position, i), lit)
@@ -267,13 +272,17 @@ def cast_from_collisions(scene, work, count):
 
 
 @kernel
-def light_collisions(scene, tile, sample, step, work, count):
-    """Add the direct light at the collisions of paths with media."""
+def light_collisions(scene, tile, sample, step, work, count, turn, lamps):
+    """Add the direct light at the collisions of paths with media.
+
+    `turn` is 0 for those of free flight, 1 for those next to lamps.
+    """
     if count == 0 or not samples_lights(scene):
         return
     there = with_rays_and_points(
         work, work.rays, work.hits, work.media.collisions, work.order, work.ends
     )
-    sample_lights(scene, np.int64(0), tile, sample, step, there, count)
-    cast = cast_from_collisions(scene, work, count)
-    _trace(scene, tile, sample, step, work, cast, False)
+    sample_lights(scene, turn, tile, sample, step, there, count)
+    cast = cast_from_collisions(scene, work, count, lamps)
+    block = step * BLOCKS_PER_BOUNCE + turn * MOST_SURFACES
+    _trace(scene, tile, sample, block, work, cast, False)

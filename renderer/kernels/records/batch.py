@@ -262,6 +262,8 @@ class MediaWork(NamedTuple):
     # by the number of the shadow ray: (n,) the medium it is in, and how far it has to go
     inside: NDArray[np.int32]
     rest: NDArray[np.float32]
+    # (n,) by ray: the integral of the light of lamps nearby (`plugins.media.equiangular`)
+    lit: NDArray[np.float32]
 
 
 class PaneWork(NamedTuple):
@@ -392,6 +394,7 @@ def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> Media
         _numbers(n),
         np.zeros(kinds + 1, np.int64),
         _numbers(capacity),
+        _row(capacity),
         _row(capacity),
     )
 

@@ -158,3 +158,6 @@ class KernelScene(NamedTuple):
     # where light samples go through panes: these alone, and the area lights alone
     pane_groups: Methods
     lamp_groups: Methods
+    # (5, n) small lamps in fog, if light is looked for near them (`scene.fog_lamps`): the
+    # centre, the squared radius, and the strength in parts of the largest
+    fog_lamps: NDArray[np.float32]

@@ -195,6 +195,13 @@ def _through_homogeneous(media, medium, origin, direction, end, x, y, mask, flig
 
 
 @kernel
+def attenuated_sigma_t(media, medium, distance, mask):
+    """Return sigma_t T(distance) of homogeneous media, RGB: densities of each colour."""
+    sigma = gather3(media.sigma_t, medium, mask)
+    return sigma * _transmittance(sigma, distance)
+
+
+@kernel
 def _enter_box(media, medium, origin, direction, end, mask):
     """Return where rays enter their boxes, 0, how far they go on, and what is before.
 

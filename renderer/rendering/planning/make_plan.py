@@ -32,6 +32,7 @@ from renderer.rendering.planning.explanation import (
 from renderer.rendering.planning.plan import Plan, expected_rays, restrict
 from renderer.rendering.render_options import RenderOptions
 from renderer.replay.replay_mode import check_replay
+from renderer.scene.fog_lamps import fog_lamps
 from renderer.scene.light_properties import (
     has_even_sky,
     has_extended_lights,
@@ -224,6 +225,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     if case.reduce and _may_go_through_panes(scene, plan):
         plan = dataclasses.replace(plan, through_panes=True)
         why.say("panes", "they refract light samples, which find what shines behind them")
+    if case.reduce and _may_look_near_lamps(scene, plan):
+        plan = dataclasses.replace(plan, near_lamps=True)
+        why.say("lamps in fog", "light is looked for near small ones, too (equiangular)")
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     if plan.kind.splits and plan.mirrors:
@@ -261,6 +265,16 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
         and not plan.transparent
         and plan.max_depth > 2  # camera to surface, pane, light
         and bool(scene.shapes.pane.any())
+    )
+
+
+def _may_look_near_lamps(scene: Scene, plan: Plan) -> bool:
+    """Return whether segments in fog get points near lamps."""
+    return (
+        plan.kind.trace_near_lamps is not None
+        and plan.light_choice == "importance"
+        and plan.samples_lights
+        and fog_lamps(scene).size > 0
     )
 
 

@@ -154,6 +154,7 @@ class Plan(Decision):
     # A diffuse point that sees nothing else has no noise then, and no shadow ray.
     finds_sky: bool = False
     through_panes: bool = False  # panes refract light samples
+    near_lamps: bool = False  # segments in fog that pass small lamps have one more point
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -177,6 +178,8 @@ class Plan(Decision):
         """The kernel of the method."""
         if self.through_panes:
             return self.kind.trace_through_panes
+        if self.near_lamps:
+            return self.kind.trace_near_lamps
         return self.kind.trace_several if self.several else self.kind.trace
 
     @property
@@ -185,6 +188,8 @@ class Plan(Decision):
         name = f"{self.method} with several samples" if self.several else self.method
         if self.through_panes:
             name = f"{self.method} through panes"
+        if self.near_lamps:
+            name = f"{self.method} near lamps"
         return name if self.moments is None else f"moments of {name}"
 
     @property

@@ -59,6 +59,7 @@ from renderer.rendering.user_kernels.check import (
     check_kernels_of_users,
     check_values_of_users,
 )
+from renderer.scene.fog_lamps import fog_lamps
 from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
     has_extended_lights,
@@ -71,6 +72,7 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
 
 _NO_METHODS = np.zeros((1, 1), np.int64)
+_NO_LAMPS = np.zeros((5, 0), np.float32)
 _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
 
@@ -229,6 +231,7 @@ class _SceneTables:
             media_tables(scene.description if plan.kind.media else None),
             pane_groups,
             lamp_groups,
+            fog_lamps(scene) if plan.near_lamps else _NO_LAMPS,
         )
 
 
