@@ -14,11 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.plugins.shapes.primitives import ROUNDING as ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
-
-# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
-# that went into it (32 units in the last place of single precision).
-ROUNDING = np.float32(32 * 2.0**-24)
 
 # (n,) column numbers -> the group of those primitives, in that order; one may come twice
 PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
@@ -36,6 +33,8 @@ def primitive_bounds(
     kind: str, surfaces: Any
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return lower and upper corners, (3, n) each, of a kind's primitives."""
+    if (boxes := SHAPES[kind].boxes) is not None:
+        return boxes(surfaces)
     points = SHAPES[kind].corners(surfaces)
     lower = np.minimum.reduce(points)
     upper = np.maximum.reduce(points)
