@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -252,7 +252,8 @@ def judged_mesh(
     normals: NDArray[np.float64] | None,
     uvs: NDArray[np.float64] | None,
     source: str,
-    lines: Mapping[str, NDArray[np.int64]] | None = None,
+    line_of: Callable[[str, int], int] | None = None,
+    has_normal: NDArray[np.bool_] | None = None,
 ) -> MeshData:
     """Return the mesh of a file whose numbers may be NaN or infinite.
 
@@ -261,9 +262,11 @@ def judged_mesh(
 
     Parameters
     ----------
-    lines
-        Of text files: in which line of the file each vertex has its "position", "normal"
-        and "uv", (V,) each; 0 if it has none.
+    line_of
+        Of text files: in which line of the file a vertex has its "position", "normal" or
+        "uv".
+    has_normal
+        (V,) whether the file gives the vertex a normal; None: to all or none.
 
     Raises
     ------
@@ -272,7 +275,9 @@ def judged_mesh(
     """
 
     def place(what: str, vertex: int) -> str:
-        return f"of vertex {vertex}" if lines is None else f"in line {lines[what][vertex]}"
+        return (
+            f"of vertex {vertex}" if line_of is None else f"in line {line_of(what, vertex)}"
+        )
 
     def count(what: str, rows: NDArray[np.float64], bad: NDArray[np.bool_]) -> str:
         first = int(np.argmax(bad))
@@ -287,15 +292,15 @@ def judged_mesh(
             first = int(np.argmax(bad & used))
             shown = show_numbers(vertices[first])
             where = f"{source}: position {shown} of vertex {first}"
-            if lines is not None:
-                where = f"{source}:{lines['position'][first]}: vertex {shown}"
+            if line_of is not None:
+                where = f"{source}:{line_of('position', first)}: vertex {shown}"
             raise SceneError(f"{where} is not finite")
         warnings.append(count("position", vertices, bad) + "; no face uses them")
         vertices[bad] = vertices[faces[0, 0]] if len(faces) else 0.0
     if normals is not None:
         bad = ~_finite(normals) | ~normals.any(axis=1)
-        if lines is not None:
-            bad &= lines["normal"] > 0
+        if has_normal is not None:
+            bad &= has_normal
         if bad.any():
             warnings.append(
                 count("normal", normals, bad) + ", which has no direction; faces use "

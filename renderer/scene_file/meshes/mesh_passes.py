@@ -11,7 +11,7 @@ from renderer.kernels.jit import entry_kernel, kernel
 
 
 @entry_kernel
-def place_vertices(begin, end, points, matrix, placed):  # type: ignore[no-untyped-def]
+def place_vertices(begin, end, points, matrix, placed):
     """Write points under an affine transform, rounded as `transforms.place_points` does.
 
     Returns
@@ -36,13 +36,13 @@ def place_vertices(begin, end, points, matrix, placed):  # type: ignore[no-untyp
 
 
 @kernel
-def _larger(value, most):  # type: ignore[no-untyped-def]
+def _larger(value, most):
     """Return the larger one; infinity if `value` is no number."""
     return most if value <= most else (value if value > most else np.inf)
 
 
 @entry_kernel
-def mark_flat(begin, end, vertices, faces, part, least, flat):  # type: ignore[no-untyped-def]
+def mark_flat(begin, end, vertices, faces, part, least, flat):
     """Set `flat` for faces without area: a `part` of the longest edge, or below `least`."""
     for k in range(begin, end):
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
@@ -54,7 +54,7 @@ def mark_flat(begin, end, vertices, faces, part, least, flat):  # type: ignore[n
 
 
 @entry_kernel
-def measure_corners(begin, end, vertices, faces, normals, across, along):  # type: ignore[no-untyped-def]
+def measure_corners(begin, end, vertices, faces, normals, across, along):
     """Write unit normals of faces, and of each corner the sides' difference and sum.
 
     Their lengths, of sides of length 1: half of the angle is their arc tangent, exact where
@@ -74,7 +74,7 @@ def measure_corners(begin, end, vertices, faces, normals, across, along):  # typ
 
 
 @entry_kernel
-def add_at_corners(corner, faces, normals, half_angles, sums):  # type: ignore[no-untyped-def]
+def add_at_corners(corner, faces, normals, half_angles, sums):
     """Add the normals of faces, times the angle, to `sums` of the vertex at one corner."""
     for k in range(faces.shape[0]):
         vertex, angle = faces[k, corner], 2.0 * half_angles[k, corner]
@@ -83,7 +83,7 @@ def add_at_corners(corner, faces, normals, half_angles, sums):  # type: ignore[n
 
 
 @entry_kernel
-def unit_sums(begin, end, first, second, third, normals):  # type: ignore[no-untyped-def]
+def unit_sums(begin, end, first, second, third, normals):
     """Write what the sums at all corners point to; (1, 0, 0) where they are 0."""
     for k in range(begin, end):
         x = (first[k, 0] + second[k, 0]) + third[k, 0]
@@ -96,7 +96,7 @@ def unit_sums(begin, end, first, second, third, normals):  # type: ignore[no-unt
 
 
 @kernel
-def _edge(vertices, a, b):  # type: ignore[no-untyped-def]
+def _edge(vertices, a, b):
     return (
         np.float64(vertices[b, 0]) - np.float64(vertices[a, 0]),
         np.float64(vertices[b, 1]) - np.float64(vertices[a, 1]),
@@ -105,16 +105,16 @@ def _edge(vertices, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cross(p, q):  # type: ignore[no-untyped-def]
+def _cross(p, q):
     return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
 
 
 @kernel
-def _squared(p):  # type: ignore[no-untyped-def]
+def _squared(p):
     return (p[0] * p[0] + p[1] * p[1]) + p[2] * p[2]
 
 
 @kernel
-def _unit(p):  # type: ignore[no-untyped-def]
+def _unit(p):
     length = np.sqrt(_squared(p))
     return p[0] / length, p[1] / length, p[2] / length
