@@ -25,6 +25,7 @@ from renderer.plugins.shapes.surface import (
     tangent_at,
 )
 from renderer.plugins.shapes.uv import derivatives_by_place, no_derivatives, uv_axes
+from renderer.scene_file.coordinate_limits import FARTHEST
 
 LANES = 16  # columns behind the last primitive of a group, so that 16 can be loaded of any
 
@@ -146,9 +147,10 @@ class ShapeKind:
         return (self.other_textured_side or self.orientation)(shape)
 
     def corners_of(self, shape: Any) -> list[NDArray[np.float32]]:
-        """Return points whose box holds a shape of the description."""
+        """Return points whose box holds a shape, and perhaps others within `FARTHEST`."""
         if self.mesh:  # the tables of a large one take a while
-            return [shape.vertices[shape.faces]]
+            near = np.abs(shape.vertices).max(initial=0.0) < FARTHEST
+            return [shape.vertices if near else shape.vertices[shape.faces]]
         return self.corners(self.surfaces([shape], 0))
 
     def group(self, surfaces: Any, columns: NDArray[np.int64]) -> Any:

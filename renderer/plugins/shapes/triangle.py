@@ -206,7 +206,8 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
 
 
 def _faces(mesh: Mesh) -> NDArray[Any]:
-    return np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
+    count = len(mesh.faces)
+    return np.arange(count, dtype=np.int32) if mesh.face_ids is None else mesh.face_ids
 
 
 def prepared(

@@ -216,7 +216,7 @@ def smooth_normals(
     def measure(begin: int, end: int) -> None:
         along, part = np.empty((end - begin, 3)), angles[begin:end]
         measure_corners(begin, end, vertices, faces, face_normals, angles, along)
-        np.arctan2(part, along, out=part)
+        np.arctan2(np.sqrt(part), np.sqrt(along), out=part)
 
     in_parts(len(faces), measure)
     sums = np.zeros((3, len(vertices), 3))  # one of each corner: no two threads add to it

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,7 +231,10 @@ def first_not_finite(rows: NDArray[np.float64]) -> int:
 
 def _finite(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
     # Written with <= so that a NaN, which compares false, counts as bad.
-    return np.asarray((np.abs(rows) <= np.finfo(np.float32).max).all(axis=1))
+    most = np.finfo(np.float32).max
+    if rows.max(initial=0.0) <= most and rows.min(initial=0.0) >= -most:
+        return np.ones(len(rows), np.bool_)  # a tenth of the time for nearly all meshes
+    return np.asarray((np.abs(rows) <= most).all(axis=1))
 
 
 def flipped(v: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -240,8 +243,11 @@ def flipped(v: NDArray[np.float64]) -> NDArray[np.float32]:
         return np.asarray(np.float32(1.0) - v.astype(np.float32))
 
 
-def first_out_of_range(faces: NDArray[np.float64], vertex_count: int) -> int:
+def first_out_of_range(faces: NDArray[Any], vertex_count: int) -> int:
     """Return the first face with an index not among 0, 1, ..., vertex_count - 1, or -1."""
+    whole = faces.dtype.kind in "iu"
+    if whole and faces.min(initial=0) >= 0 and faces.max(initial=0) < vertex_count:
+        return -1
     good = ((faces >= 0) & (faces < vertex_count) & (faces == np.floor(faces))).all(axis=1)
     return -1 if good.all() else int(np.argmin(good))
 
@@ -284,12 +290,15 @@ def judged_mesh(
         shown = f"{show_numbers(rows[first])} {place(what, first)}"
         return f"{source}: {bad.sum()} of {len(bad)} vertices have a {what} like {shown}"
 
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces] = True
+    def used() -> NDArray[np.bool_]:
+        found = np.zeros(len(vertices), dtype=bool)
+        found[faces] = True
+        return found
+
     warnings = [] if len(faces) else [f"{source}: no faces, so that nothing is seen"]
     if (bad := ~_finite(vertices)).any():
-        if (bad & used).any():
-            first = int(np.argmax(bad & used))
+        if (bad & used()).any():
+            first = int(np.argmax(bad & used()))
             shown = show_numbers(vertices[first])
             where = f"{source}: position {shown} of vertex {first}"
             if line_of is not None:
@@ -304,7 +313,7 @@ def judged_mesh(
         if bad.any():
             warnings.append(
                 count("normal", normals, bad) + ", which has no direction; faces use "
-                f"{(bad & used).sum()} of them, which are computed from the faces"
+                f"{(bad & used()).sum()} of them, which are computed from the faces"
             )
         normals[bad] = np.nan
     if uvs is not None and (bad := ~_finite(uvs)).any():

@@ -57,20 +57,22 @@ def mark_flat(begin, end, vertices, faces, part, least, flat):
 def measure_corners(begin, end, vertices, faces, normals, across, along):
     """Write unit normals of faces, and of each corner the sides' difference and sum.
 
-    Their lengths, of sides of length 1: half of the angle is their arc tangent, exact where
-    arccos of a dot product is not (Kahan).
+    Their squared lengths, of sides of length 1: half of the angle is the arc tangent of one
+    length by the other, exact where arccos of a dot product is not (Kahan).
     """
     for k in range(begin, end):
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
         n = _unit(_cross(_edge(vertices, a, b), _edge(vertices, a, c)))
         normals[k, 0], normals[k, 1], normals[k, 2] = n
+        before, after = _unit(_edge(vertices, c, a)), _unit(_edge(vertices, a, b))
         for j in range(3):
-            p, q = _unit(_edge(vertices, a, b)), _unit(_edge(vertices, a, c))
-            less = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-            more = p[0] + q[0], p[1] + q[1], p[2] + q[2]
-            across[k, j] = np.sqrt(_squared(less))
-            along[k - begin, j] = np.sqrt(_squared(more))
+            # the side before a corner points to it
+            less = after[0] + before[0], after[1] + before[1], after[2] + before[2]
+            more = after[0] - before[0], after[1] - before[1], after[2] - before[2]
+            across[k, j] = _squared(less)
+            along[k - begin, j] = _squared(more)
             a, b, c = b, c, a
+            before, after = after, _unit(_edge(vertices, a, b))
 
 
 @entry_kernel
