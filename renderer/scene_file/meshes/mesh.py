@@ -162,12 +162,17 @@ def _vertex_normals(
     faces: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """Return unit vertex normals (V, 3): those of the file, computed where it has none."""
-    if data.normals is None:
+    if (given := data.normals) is None:
         return smooth_normals(vertices, faces)
     # Normals are planes: they go by the inverse transpose (rows, so from the right).
     # Only directions count, and scaling first keeps extreme transforms from overflow.
-    normals = _unit(data.normals) @ np.linalg.inv(linear / np.abs(linear).max())
-    normals = _as_mitsuba_rounds(_unit(normals), linear, data.normals)
+    inverse = np.linalg.inv(linear / np.abs(linear).max())
+
+    def turned(begin: int, end: int) -> NDArray[np.float64]:
+        rows = given[begin:end]
+        return _as_mitsuba_rounds(_unit(_unit(rows) @ inverse), linear, rows)
+
+    normals = np.concatenate(in_parts(len(given), turned) or [given])
     missing = np.isnan(normals[:, 0])
     if missing.any():
         normals[missing] = smooth_normals(vertices, faces)[missing]
