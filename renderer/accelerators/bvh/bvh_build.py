@@ -60,17 +60,22 @@ def build_tree(
         raise ValueError(f"boxes need two (3, n) arrays: {low.shape} and {high.shape}")
     if leaf_size < 1:
         raise ValueError(f"leaf_size is at least 1: {leaf_size}")
-    boxes = np.zeros((low.shape[1], 8), np.float32)
-    in_parts(len(boxes), _put_side_by_side, low, high, boxes)
+    boxes = side_by_side(low, high)
     order = np.arange(len(boxes), dtype=np.int32)
     settings = (leaf_size, RULES.index(rule))
     bounds, child, count = _build_in_jobs(boxes, order, settings)
     return BvhTree(bounds, child, count, order)
 
 
+def side_by_side(low: NDArray[np.float32], high: NDArray[np.float32]) -> Any:
+    """Return `boxes` of `bvh_split` from lower and upper corners (3, n)."""
+    boxes = np.zeros((low.shape[1], 8), np.float32)
+    in_parts(len(boxes), _put_side_by_side, low, high, boxes)
+    return boxes
+
+
 @entry_kernel
 def _put_side_by_side(begin, end, low, high, boxes):
-    """Write the rows of `boxes`, see `bvh_split`."""
     for k in range(begin, end):
         for axis in range(3):
             boxes[k, axis], boxes[k, axis + 4] = low[axis, k], -high[axis, k]
