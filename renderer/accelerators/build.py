@@ -31,7 +31,7 @@ from renderer.plugins.shapes.extents import (
     extents_of,
 )
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.plugins.shapes.triangle import triangles_of
+from renderer.plugins.shapes.triangle_tables import triangles_of
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import Scene
 from renderer.textbook.bsp import build_bsp

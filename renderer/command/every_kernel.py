@@ -27,6 +27,7 @@ from renderer.rendering.render import render
 from renderer.scene.scene import build_scene
 from renderer.scene_file import read_dict
 from renderer.scene_file.images.png_filters import undo_filters
+from renderer.scene_file.meshes.obj_blocks import distinct, read_blocks
 from renderer.scene_file.plugins import supported_plugins
 from renderer.scene_file.transform_functions import look_at, translate
 
@@ -56,7 +57,9 @@ def without_replay(small: SmallScene) -> SmallScene:
 
 
 def compile_others() -> None:
-    """Compile what no scene in memory needs: the reader of PNG files of 16 bits."""
+    """Compile what no scene in memory needs: readers of OBJ and 16-bit PNG files."""
+    blocks = read_blocks(b"v 0 0 0\nf 1 1 1\n", face_normals=False)
+    distinct(blocks.corners, 1)  # type: ignore[union-attr]
     rows = np.frombuffer(bytes(7), np.uint8).reshape(1, 7)  # read-only, as those of files
     undo_filters(rows, np.zeros((1, 6), np.uint8), 6)
 

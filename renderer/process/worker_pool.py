@@ -16,8 +16,10 @@ import os
 import queue
 import time
 from collections.abc import Callable
+from typing import Any
 
 WAKE = 0.05  # [s] between two looks at how far the others are
+PART = 32768  # of a mesh's triangles or vertices, that a thread works on at a time
 PAUSE = 2e-4  # [s] while others end the jobs that they are at
 # [bytes] of a thread; the largest kernel's frame takes 0.7 MiB, and the system's default is
 # what `ulimit -s` says, where less crashes without a word
@@ -151,6 +153,17 @@ def in_threads(threads: int, jobs: int, work: Callable[[int], None]) -> None:
             work(job)
         return
     _run_pool(WorkerPool(threads, jobs, lambda job, thread: work(job)))
+
+
+def in_parts(count: int, work: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """Return `work(begin, end, *arguments)` of parts of range(count), on all processors."""
+    found: list[Any] = [None] * -(-count // PART)
+
+    def part(k: int) -> None:
+        found[k] = work(k * PART, min(count, (k + 1) * PART), *arguments)
+
+    in_threads(default_threads(), len(found), part)
+    return found
 
 
 def _run_pool(pool: WorkerPool) -> None:

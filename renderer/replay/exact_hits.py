@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.scene_file.description import Instance
 
 # -------------------------------------------------------------------- instance matrices

@@ -14,7 +14,7 @@ from renderer.plugins.shapes.cylinder import CylinderSurfaces
 from renderer.plugins.shapes.disk import DiskSurfaces
 from renderer.plugins.shapes.rectangle import RectangleSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.replay.arithmetic import (
     fused_affine,
     fused_cross,

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.records.kernel_scene import (
-    ANY,
     Placements,
     Shapes,
 )
@@ -182,22 +181,22 @@ def _build_scene(description: SceneDescription) -> Scene:
         record = surfaces[kind] = SHAPES[kind].surfaces(shapes, first)
         for index, shape in entries:
             faces.append(SHAPES[kind].faces(shape))
-            shape_ids.append(np.full(len(faces[-1]), index))
+            shape_ids.append(np.full(len(faces[-1]), index, np.int32))
         columns = [ids.size for ids in shape_ids[-len(entries) :]]
         groups = group_of[[index for index, _ in entries]]
         sizes = np.bincount(groups, columns, minlength=group_of[-1] + 1)
         starts[kind] = np.cumsum(sizes).astype(np.int64)
         first = record.end
 
-    shape_of = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
+    shape_of = np.concatenate([*shape_ids, np.zeros(0, np.int32)])
     stages = materials.stages(every_shape)
     orientation = [kind_of_shape(s).orientation(s) for s in every_shape] or [1.0]
     scene = Scene(
         description,
         surfaces,
         shape_of,
-        np.concatenate([*faces, np.zeros(0)]).astype(np.int32),
-        (stages[shape_of] | ANY).astype(np.int32),
+        np.concatenate([*faces, np.zeros(0, np.int32)], dtype=np.int32),
+        stages[shape_of],
         Shapes(
             materials.front,
             materials.back,

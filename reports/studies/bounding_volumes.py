@@ -18,7 +18,7 @@ from renderer.accelerators.build import build_accelerator
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.records.batch import PADDING
 from renderer.plugins.shapes.extents import extents_of
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.textbook.bounding_volumes import which_hit
 from renderer.textbook.volume_fits import VOLUMES, points_of_extents
 from reports.bench.rows import Row, Table

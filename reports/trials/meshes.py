@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.plugins.shapes.triangle import TriangleSurfaces, triangles_of
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces, triangles_of
 from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]

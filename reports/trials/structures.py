@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import CellTree, cells_of, tree_cost
 from reports.trials.meshes import StudyMesh, triangle_surfaces

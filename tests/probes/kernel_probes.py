@@ -48,7 +48,7 @@ from renderer.plugins.shapes.cylinder import CylinderSurfaces
 from renderer.plugins.shapes.disk import DiskSurfaces
 from renderer.plugins.shapes.rectangle import RectangleSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
-from renderer.plugins.shapes.triangle import TriangleSurfaces, triangles_of
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces, triangles_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan, offset_rule
 from renderer.rendering.tables.kernel_record import KernelInputs

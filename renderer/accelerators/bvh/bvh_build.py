@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from renderer.accelerators.bvh.bvh_split import BINS, MAX_DEPTH, enclose, split
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
 from renderer.kernels.jit import entry_kernel, kernel
-from renderer.process.worker_pool import default_threads, in_threads
+from renderer.process.worker_pool import default_threads, in_parts, in_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
@@ -54,17 +54,31 @@ def build_tree(
     ValueError
         If the arrays do not have the same shape (3, n), or there is nothing to build.
     """
-    low = np.asarray(lower, np.float32)
-    high = np.asarray(upper, np.float32)
+    low = np.ascontiguousarray(lower, np.float32)
+    high = np.ascontiguousarray(upper, np.float32)
     if low.shape != high.shape or low.ndim != 2 or low.shape[0] != 3 or low.size == 0:
         raise ValueError(f"boxes need two (3, n) arrays: {low.shape} and {high.shape}")
     if leaf_size < 1:
         raise ValueError(f"leaf_size is at least 1: {leaf_size}")
-    boxes = np.concatenate((low, high)).T.copy()  # a box's six numbers side by side
+    boxes = side_by_side(low, high)
     order = np.arange(len(boxes), dtype=np.int32)
     settings = (leaf_size, RULES.index(rule))
     bounds, child, count = _build_in_jobs(boxes, order, settings)
     return BvhTree(bounds, child, count, order)
+
+
+def side_by_side(low: NDArray[np.float32], high: NDArray[np.float32]) -> Any:
+    """Return `boxes` of `bvh_split` from lower and upper corners (3, n)."""
+    boxes = np.zeros((low.shape[1], 8), np.float32)
+    in_parts(len(boxes), _put_side_by_side, low, high, boxes)
+    return boxes
+
+
+@entry_kernel
+def _put_side_by_side(begin, end, low, high, boxes):
+    for k in range(begin, end):
+        for axis in range(3):
+            boxes[k, axis], boxes[k, axis + 4] = low[axis, k], -high[axis, k]
 
 
 # --------------------------------------------------------------------------- on all cores
@@ -153,18 +167,20 @@ class _Scratch(NamedTuple):
     """What one job works in. Allocated here: compiling it in a kernel takes seconds."""
 
     centres: NDArray[np.float32]  # (6,) box of the centres
-    bin_bounds: NDArray[np.float32]  # (3, BINS, 6)
-    bin_counts: NDArray[np.int32]  # (3, BINS)
+    bins: NDArray[np.float32]  # (3 BINS, 8) the box of each, as in `bvh_split`
+    counts: NDArray[np.int32]  # (3 BINS,)
     right_cost: NDArray[np.float64]  # (BINS,)
+    constants: NDArray[np.float32]  # (2, 8) a row of -0.0 and one of infinity
     stack: NDArray[np.int64]  # (levels, 4) one waiting node each: node, first, end, depth
 
 
 def _scratch() -> _Scratch:
     return _Scratch(
         np.empty(6, np.float32),
-        np.empty((3, BINS, 6), np.float32),
-        np.empty((3, BINS), np.int32),
+        np.empty((3 * BINS, 8), np.float32),
+        np.empty(3 * BINS, np.int32),
         np.empty(BINS, np.float64),
+        np.repeat(np.float32([[-0.0], [np.inf]]), 8, axis=1),
         np.empty((MAX_DEPTH + 2, 4), np.int64),
     )
 

@@ -1,6 +1,7 @@
 """Where to split a node: the three rules of `bvh_build`, as kernels on an array of boxes.
 
-`boxes` is (n, 6), lower then upper corner of each primitive; a split permutes its rows and
+`boxes` is (n, 8): of each primitive the lower corner, a zero, the upper corner times -1, a
+zero, so that the box of two boxes is one minimum of 8 lanes. A split permutes its rows and
 `order` alike.
 """
 
@@ -11,7 +12,15 @@ import numpy as np
 from renderer.accelerators.bvh.bvh_tree import BLOCK, BLOCK_COST, TRAVERSAL_COST
 from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.vectors import local_f32
+from renderer.kernels.lanes.functions import lane, maximum, minimum, to_double
+from renderer.kernels.lanes.memory import (
+    load_eight,
+    load_four,
+    load_one,
+    store_one,
+    store_row,
+)
+from renderer.kernels.lanes.vectors import local_f64
 
 BINS = 16
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks
@@ -26,16 +35,15 @@ def split(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
 
     `first` is returned for what shall be a leaf.
     """
-    centres, bin_bounds = scratch.centres, scratch.bin_bounds
-    bin_counts, right_cost = scratch.bin_counts, scratch.right_cost
+    centres = scratch.centres
     size = end - first
-    if size <= leaf_size and rule != SAH:
-        return first
+    if size <= leaf_size and (rule != SAH or BLOCK_COST * _blocks(size) <= TRAVERSAL_COST):
+        return first  # a split costs more than a visit of an inner node
     middle = first
     if size > 1 and rule != MEDIAN and _levels_for(size) + depth < MAX_DEPTH:
         if rule == SAH:
-            _fill_bins(boxes, first, end, centres, bin_bounds, bin_counts)
-            cost, axis, border = _cheapest_split(box, bin_bounds, bin_counts, right_cost)
+            _fill_bins(boxes, first, end, scratch)
+            cost, axis, border = _cheapest_split(box, scratch)
             worth = size > leaf_size or cost < BLOCK_COST * _blocks(size)
         else:
             axis, border = _longest(centres), BINS // 2
@@ -67,25 +75,31 @@ def _blocks(size):
 @kernel
 def _centre(boxes, i, axis):
     """Return the middle of a box; halved first, so that it cannot overflow."""
-    return np.float32(0.5) * boxes[i, axis] + np.float32(0.5) * boxes[i, axis + 3]
+    low, high = load_one(boxes, i, axis), -load_one(boxes, i, axis + 4)
+    return np.float32(0.5) * low + np.float32(0.5) * high
+
+
+@kernel
+def _centres(boxes, i):
+    """Return the middle along each axis, and a zero."""
+    half = np.float32(0.5)
+    return load_four(boxes, i, 0) * half - load_four(boxes, i, 4) * half
 
 
 @kernel
 def enclose(boxes, first, end, bounds, centres):
-    """Write the box of the boxes, and of their centres."""
+    """Write the box of the boxes, lower and upper corner, and of their centres."""
+    box = load_eight(boxes, first, 0)
+    centre_low = centre_high = _centres(boxes, first)
+    for i in range(first + 1, end):
+        box = minimum(box, load_eight(boxes, i, 0))
+        centre = _centres(boxes, i)
+        centre_low, centre_high = minimum(centre_low, centre), maximum(centre_high, centre)
     for axis in range(3):
-        low = centre_low = _INF
-        high = centre_high = -_INF
-        for i in range(first, end):
-            centre = _centre(boxes, i, axis)
-            low = min(low, boxes[i, axis])
-            high = max(high, boxes[i, axis + 3])
-            centre_low = min(centre_low, centre)
-            centre_high = max(centre_high, centre)
-        bounds[axis] = low
-        bounds[axis + 3] = high
-        centres[axis] = centre_low
-        centres[axis + 3] = centre_high
+        bounds[axis] = lane(box, axis)
+        bounds[axis + 3] = -lane(box, axis + 4)
+        centres[axis] = lane(centre_low, axis)
+        centres[axis + 3] = lane(centre_high, axis)
 
 
 # ---------------------------------------------------------------------------- the binning
@@ -105,68 +119,72 @@ def _bin(centre, start, scale):
 
 
 @kernel
-def _fill_bins(boxes, first, end, centres, bin_bounds, bin_counts):
+def _fill_bins(boxes, first, end, scratch):
     """Count and enclose the boxes of each bin along each axis."""
+    centres, bins, counts = scratch.centres, scratch.bins, scratch.counts
+    start, scale = local_f64(4), local_f64(4)
     for axis in range(3):
-        for k in range(BINS):
-            _empty(bin_bounds[axis, k])
-            bin_counts[axis, k] = 0
-        scale = _bins_per_length(centres, axis)
-        for i in range(first, end):
-            k = _bin(_centre(boxes, i, axis), centres[axis], scale)
-            bin_counts[axis, k] += 1
-            _grow(bin_bounds[axis, k], boxes[i])
+        start[axis], scale[axis] = centres[axis], _bins_per_length(centres, axis)
+    starts, scales = load_four(start, 0, 0), load_four(scale, 0, 0)
+    # LLVM would make a store under a mask of a minimum that is stored where it was loaded,
+    # for which the next load waits: a quarter of the time of this loop
+    nothing = load_eight(scratch.constants, 0, 0)
+    for k in range(3 * BINS):
+        store_row(bins, k, 0, load_eight(scratch.constants, 1, 0))
+        counts[k] = 0
+    for i in range(first, end):
+        box = load_eight(boxes, i, 0)
+        places = (to_double(_centres(boxes, i)) - starts) * scales
+        for axis in range(3):
+            k = axis * BINS + min(int(lane(places, axis)), BINS - 1)
+            store_one(counts, 0, k, load_one(counts, 0, k) + np.int32(1))
+            store_row(bins, k, 0, minimum(load_eight(bins, k, 0), box) + nothing)
 
 
 @kernel
-def _empty(bounds):
-    """Make a box that holds nothing."""
-    for j in range(3):
-        bounds[j] = _INF
-        bounds[j + 3] = -_INF
+def _half_area(box):
+    """Return half the surface of a box in lanes, as `half_area` does."""
+    a = -np.float64(lane(box, 4)) - np.float64(lane(box, 0))
+    b = -np.float64(lane(box, 5)) - np.float64(lane(box, 1))
+    c = -np.float64(lane(box, 6)) - np.float64(lane(box, 2))
+    return a * b + b * c + c * a
 
 
 @kernel
-def _grow(bounds, box):
-    """Enlarge `bounds` to hold a box."""
-    for j in range(3):
-        bounds[j] = min(bounds[j], box[j])
-        bounds[j + 3] = max(bounds[j + 3], box[j + 3])
-
-
-@kernel
-def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
+def _cheapest_split(bounds, scratch):
     """Return (cost, axis, border): bins below the border go left.
 
     Of equal costs the more balanced split is taken, or else points on a line, whose boxes
     have no area, would be split off bin by bin. The cost is infinite where all centres
     fall into one bin.
     """
+    bins, counts, right_cost = scratch.bins, scratch.counts, scratch.right_cost
+    empty = load_eight(scratch.constants, 1, 0)
     area = half_area(bounds)
     per_area = BLOCK_COST / area if area > 0.0 else 0.0
-    side = local_f32(6)
     best_cost = np.inf
     best_axis = best_border = best_balance = 0
     for axis in range(3):
-        _empty(side)
-        right = 0
+        row = axis * BINS
+        side, right, cost = empty, 0, 0.0
         for k in range(BINS - 1, 0, -1):
-            if bin_counts[axis, k] > 0:
-                right += bin_counts[axis, k]
-                _grow(side, bin_bounds[axis, k])
-            right_cost[k] = half_area(side) * _blocks(right) if right > 0 else 0.0
-        size = right + bin_counts[axis, 0]
+            if counts[row + k] > 0:
+                right += counts[row + k]
+                side = minimum(side, load_eight(bins, row + k, 0))
+                cost = _half_area(side) * _blocks(right)
+            right_cost[k] = cost
+        size = right + counts[row]
 
-        _empty(side)
-        left = 0
+        side, left = empty, 0
         for border in range(1, BINS):
-            if bin_counts[axis, border - 1] == 0:
+            k = row + border - 1
+            if counts[k] == 0:
                 continue  # same split as at the last border
-            left += bin_counts[axis, border - 1]
+            left += counts[k]
             if left == size:
                 break
-            _grow(side, bin_bounds[axis, border - 1])
-            both = half_area(side) * _blocks(left) + right_cost[border]
+            side = minimum(side, load_eight(bins, k, 0))
+            both = _half_area(side) * _blocks(left) + right_cost[border]
             cost = TRAVERSAL_COST + per_area * both
             balance = min(left, size - left)
             if cost < best_cost or (cost == best_cost and balance > best_balance):
@@ -181,8 +199,9 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
 @kernel
 def _exchange(boxes, order, i, j):
     """Let two primitives change places."""
-    for k in range(6):
-        boxes[i, k], boxes[j, k] = boxes[j, k], boxes[i, k]
+    one, other = load_eight(boxes, i, 0), load_eight(boxes, j, 0)
+    store_row(boxes, i, 0, other)
+    store_row(boxes, j, 0, one)
     order[i], order[j] = order[j], order[i]
 
 

@@ -28,6 +28,7 @@ from renderer.kernels.jit.interfaces import (
 from renderer.kernels.jit.records import (
     Packed,
     by_columns,
+    column_rows,
     pack,
     record_class,
     record_type,
@@ -42,6 +43,7 @@ __all__ = [
     "builder_kernel",
     "by_columns",
     "call",
+    "column_rows",
     "compile_method",
     "compiled_for",
     "count_of",

@@ -65,12 +65,16 @@ def by_columns(rows: Any) -> NDArray[Any]:
         For 2^31 numbers or more.
     """
     size, count = rows.shape
-    if (count + 1) * size >= _MOST_NUMBERS:
-        raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
-    dtype = rows.dtype if rows.dtype.itemsize == 4 else np.float32
-    table = np.zeros((count + 1, size), dtype)
+    table = column_rows(size, count, rows.dtype if rows.dtype.itemsize == 4 else np.float32)
     table[:count] = rows.T
     return table[:count].T
+
+
+def column_rows(size: int, count: int, dtype: Any = np.float32) -> NDArray[Any]:
+    """Return zeros (count + 1, size): the transpose of all but the last is such a table."""
+    if (count + 1) * size >= _MOST_NUMBERS:
+        raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
+    return np.zeros((count + 1, size), dtype)
 
 
 def column_fields(record: type) -> frozenset[str]:

@@ -14,11 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.plugins.shapes.primitives import ROUNDING as ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
-
-# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
-# that went into it (32 units in the last place of single precision).
-ROUNDING = np.float32(32 * 2.0**-24)
+from renderer.process.worker_pool import in_parts
 
 # (n,) column numbers -> the group of those primitives, in that order; one may come twice
 PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
@@ -36,6 +34,8 @@ def primitive_bounds(
     kind: str, surfaces: Any
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return lower and upper corners, (3, n) each, of a kind's primitives."""
+    if (boxes := SHAPES[kind].boxes) is not None:
+        return boxes(surfaces)
     points = SHAPES[kind].corners(surfaces)
     lower = np.minimum.reduce(points)
     upper = np.maximum.reduce(points)
@@ -97,16 +97,19 @@ def extents_of(
     lower, upper = primitive_bounds(kind, surfaces)
     if not np.array_equal(order, np.arange(lower.shape[1])):
         lower, upper = (np.ascontiguousarray(side[:, order]) for side in (lower, upper))
-    largest = np.maximum(np.abs(lower), np.abs(upper))
-    if len(order):
-        reach = max(reach, float(largest.sum(axis=0).max()))
+
+    def largest(begin: int, end: int) -> NDArray[np.float32]:
+        return np.maximum(np.abs(lower[:, begin:end]), np.abs(upper[:, begin:end]))
+
+    farthest = in_parts(len(order), lambda *part: largest(*part).sum(axis=0).max())
+    reach = max(reach, *map(float, farthest), 0.0)
     reach = float(np.float32(reach * 1.000001))  # kernels sum |x| + |y| + |z| in float32
 
     def make_hulls() -> Hulls:
         points, radius, normal = SHAPES[kind].hull(surfaces, order)
         return Hulls(
             np.ascontiguousarray(points, np.float32),
-            (radius + ROUNDING * largest.max(axis=0)).astype(np.float32),
+            (radius + ROUNDING * largest(0, len(order)).max(axis=0)).astype(np.float32),
             np.ascontiguousarray(normal, np.float32),
         )
 

@@ -25,6 +25,7 @@ from renderer.plugins.shapes.surface import (
     tangent_at,
 )
 from renderer.plugins.shapes.uv import derivatives_by_place, no_derivatives, uv_axes
+from renderer.scene_file.coordinate_limits import FARTHEST
 
 LANES = 16  # columns behind the last primitive of a group, so that 16 can be loaded of any
 
@@ -71,6 +72,9 @@ class ShapeKind:
     numbers
         (table, columns) -> the fields of the primitives as arrays (3, n) or (n,). None: the
         table has arrays of these names.
+    fill
+        (table, columns, rows): writes these fields to the first columns of rows (numbers of
+        a primitive, n). None: by `numbers`.
     intersect
         Kernel, `primitives.intersect`; without a `primitive`, that of `intersect_scalar`.
     point
@@ -80,6 +84,9 @@ class ShapeKind:
         not one whose radiance is a texture.
     corners
         table -> arrays (3, n) of points whose box holds each primitive.
+    boxes
+        table -> lower and upper corners (3, n), padded (`extents.primitive_bounds`). None:
+        by `corners`.
     hull
         (table, columns) -> points (3, 4, n), radius (n,) and normal (3, n): a primitive
         lies in the hull of the points, grown by the radius, and in the plane across the
@@ -110,6 +117,7 @@ class ShapeKind:
     surfaces: Callable[[list[Any], int], Any]
     primitive: type | None
     numbers: Callable[[Any, Any], Any] | None = None
+    fill: Callable[[Any, Any, Any], None] | None = None
     intersect: Any
     point: Any = None
     surface_point: Any
@@ -119,6 +127,7 @@ class ShapeKind:
     point_at_uv: Any = None
     uv_axes: Any = None
     corners: Callable[[Any], list[NDArray[np.float32]]]
+    boxes: Callable[[Any], tuple[Any, Any]] | None = None
     hull: Callable[[Any, Any], tuple[Any, Any, Any]]
     areas: Callable[[Any, Any], NDArray[np.float64]] = no_area
     derivatives: Callable[[Any, Any], Any] | None = None
@@ -138,9 +147,10 @@ class ShapeKind:
         return (self.other_textured_side or self.orientation)(shape)
 
     def corners_of(self, shape: Any) -> list[NDArray[np.float32]]:
-        """Return points whose box holds a shape of the description."""
+        """Return points whose box holds a shape, and perhaps others within `FARTHEST`."""
         if self.mesh:  # the tables of a large one take a while
-            return [shape.vertices[shape.faces]]
+            near = np.abs(shape.vertices).max(initial=0.0) < FARTHEST
+            return [shape.vertices if near else shape.vertices[shape.faces]]
         return self.corners(self.surfaces([shape], 0))
 
     def group(self, surfaces: Any, columns: NDArray[np.int64]) -> Any:
@@ -154,6 +164,9 @@ class ShapeKind:
             column[:n] = columns
             return ScalarGroup(column, surfaces, ids, n)
         rows = np.zeros((size_of(self.primitive), n + LANES), np.float32)
+        if self.fill is not None:
+            self.fill(surfaces, columns, rows)
+            return Group(form_of(self.primitive), rows, ids, n)
         names = self.primitive._fields  # type: ignore[attr-defined]
         parts = (
             (getattr(surfaces, name)[..., columns] for name in names)

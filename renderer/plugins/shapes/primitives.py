@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import always_inline, by_columns, interface, kernel
 from renderer.kernels.lanes.fields import lanes_from_rows, one_from_rows
 
+# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
+# that went into it (32 units in the last place of single precision).
+ROUNDING = np.float32(32 * 2.0**-24)
+
 
 def float32(rows: Any) -> NDArray[np.float32]:
     """Return a C-ordered array in single precision."""

@@ -12,20 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import (
-    always_inline,
-    by_columns,
-    interface,
-    kernel,
-    never_inline,
-    table_columns,
-)
+from renderer.kernels.jit import always_inline, interface, kernel, never_inline
 from renderer.kernels.lanes.fields import Bound, Derived, Vector
 from renderer.kernels.lanes.functions import any_of, fabs, minimum, select, to_f32, to_i32
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.plugins.sampling.numbers_and_warps import density_normal, square_to_triangle
-from renderer.plugins.shapes import flat
+from renderer.plugins.shapes import flat, triangle_tables
 from renderer.plugins.shapes.flat import (
     MARGIN,
     ONE,
@@ -36,7 +29,7 @@ from renderer.plugins.shapes.flat import (
 )
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.mesh_plugins import MESH_PLUGINS
-from renderer.plugins.shapes.primitives import Intersection, empty_rows, float32
+from renderer.plugins.shapes.primitives import Intersection, empty_rows
 from renderer.plugins.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -44,6 +37,7 @@ from renderer.plugins.shapes.surface import (
     gather_flat,
     nowhere,
 )
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.plugins.shapes.uv import (
     derivatives_of_triangles,
     point_of_mesh,
@@ -118,21 +112,6 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
 
 
 # ------------------------------------------------------------------ surface and light
-
-
-@flat.with_parts
-@table_columns("places", "normals", "uvs")
-class TriangleSurfaces(NamedTuple):
-    """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
-
-    first: int
-    end: int
-    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
-    ends: NDArray[np.float32]  # (6, n) of edge1 and edge2: corner + edge would be rounded
-    # each of the following has no columns if no mesh has it or no kernel reads it
-    normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
-    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
-    tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
 
 
 @kernel
@@ -222,60 +201,13 @@ def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
 # ---------------------------------------------------------------------------- tables
 
 
-def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
-    """Concatenate meshes; normals are kept if any mesh has them."""
-    vertices, normals, uvs = [], [], []
-    smooth = any(mesh.normals is not None for mesh in meshes)
-    for mesh in meshes:
-        p = mesh.vertices[mesh.faces].astype(np.float32)  # (F, 3 vertices, 3)
-        vertices.append(p)
-        if smooth:
-            normals.append(_vertex_normals(mesh, p))
-        corner_uvs = (
-            np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]]), (len(p), 3, 2))
-            if mesh.uvs is None
-            else mesh.uvs[mesh.faces]
-        )
-        uvs.append(corner_uvs.reshape(len(p), 6).T)
-    return triangles_of(np.concatenate(vertices), first)._replace(
-        normals=by_columns(np.concatenate(normals, axis=1)) if smooth else empty_rows(9),
-        uvs=by_columns(np.concatenate(uvs, axis=1)),
-    )
-
-
-def triangles_of(vertices: NDArray[np.float32], first: int = 0) -> TriangleSurfaces:
-    """Return triangles of vertices (n, 3, 3), with primitive ids from `first` on."""
-    a, b, c = vertices.transpose(1, 2, 0)
-    ends = float32(np.concatenate((b, c)))
-    return TriangleSurfaces(
-        first, first + len(vertices), flat.places(a, b - a, c - a), ends
-    )
-
-
-def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return (9, F) vertex normals; those of a faceted mesh are its face normals."""
-    if mesh.normals is not None:
-        return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
-    q = p.astype(np.float64)
-    n = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
-    return np.tile(-n if mesh.flip_normals else n, 3).T
-
-
-def _numbers(s: Any, columns: Any) -> tuple[Any, ...]:
-    """Return the fields of `Triangle`; the other vertices in one."""
-    *patch, breadth = flat.numbers(s, columns)
-    corner, edge1, edge2 = (np.abs(part).sum(axis=0) for part in patch[:3])
-    size = edge1 + edge2
-    return *patch, s.ends[:, columns], breadth, size, size * (corner + size)
-
-
 def _corners(s: Any) -> list[NDArray[np.float32]]:
     return [s.corner, s.corner + s.edge1, s.corner + s.edge2]
 
 
 def _faces(mesh: Mesh) -> NDArray[Any]:
-    return np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
+    count = len(mesh.faces)
+    return np.arange(count, dtype=np.int32) if mesh.face_ids is None else mesh.face_ids
 
 
 def prepared(
@@ -292,15 +224,16 @@ TRIANGLES = ShapeKind(
     plugins=MESH_PLUGINS,
     description=Mesh,
     record=TriangleSurfaces,
-    surfaces=surfaces,
+    surfaces=triangle_tables.surfaces,
     primitive=Triangle,
-    numbers=_numbers,
+    fill=triangle_tables.fill_rows,
     intersect=hit_triangle,
     surface_point=_point_on_triangle,
     tangent=_tangent_of_triangle,
     sample=_sample_mesh,
     point_at_uv=point_of_mesh,
     corners=_corners,
+    boxes=triangle_tables.boxes,
     hull=flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
     areas=flat.areas(0.5),
     derivatives=derivatives_of_triangles,

@@ -12,9 +12,17 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
+from renderer.process.worker_pool import default_threads, in_parts, in_threads
 from renderer.scene_file import transforms
 from renderer.scene_file.description import NOWHERE, Location, Mesh
 from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, show_numbers
+from renderer.scene_file.meshes.mesh_passes import (
+    add_at_corners,
+    mark_flat,
+    measure_corners,
+    place_vertices,
+    unit_sums,
+)
 
 # A triangle whose height is less than this part of its longest edge is a line: far below
 # the rounding of float32 vertices, so only exactly collinear ones are caught.
@@ -73,23 +81,9 @@ def build_mesh(
     if not finite or np.linalg.det(linear) == 0.0:
         raise SceneError(f"{location}: to_world is singular, it has no inverse")
 
-    with np.errstate(over="ignore", invalid="ignore"):
-        placed = data.vertices @ linear.T + offset
-    bad = first_not_finite(placed)
-    if bad >= 0:
-        raise SceneError(
-            f"{location}: vertex {bad} of {data.source} becomes "
-            f"{show_numbers(placed[bad])} under to_world; a finite point is needed"
-        )
-    with np.errstate(over="ignore", invalid="ignore"):
-        vertices = transforms.place_points(to_world, data.vertices)
-        # far from the origin single precision would lose what the transform brings back
-        rounding = 16 * 2.0**-24 * np.abs(placed).max()
-        if not (np.abs(vertices - placed) <= rounding).all():
-            vertices = placed.astype(np.float32)
-
+    vertices = _placed(data, linear, offset, location)
     keep = ~_degenerate(vertices, data.faces)
-    faces = data.faces[keep]
+    faces = data.faces if keep.all() else data.faces[keep]
     warnings = list(data.warnings)
     dropped = len(keep) - len(faces)
     if dropped:
@@ -124,16 +118,41 @@ def build_mesh(
     return mesh, tuple(warnings)
 
 
+def _placed(
+    data: MeshData,
+    linear: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    location: Location,
+) -> NDArray[np.float32]:
+    """Return the vertices in the world, as Mitsuba rounds them where that is close."""
+    vertices = np.empty(data.vertices.shape, np.float32)
+    points = np.ascontiguousarray(data.vertices)
+    matrix = np.column_stack((linear, offset))
+    found = in_parts(len(points), place_vertices, points, matrix, vertices)
+    largest, error = np.max(found, axis=0, initial=0.0)
+    # far from the origin single precision would lose what the transform brings back
+    if error <= 16 * 2.0**-24 * largest and largest <= np.finfo(np.float32).max:
+        return vertices
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = data.vertices @ linear.T + offset
+    bad = first_not_finite(placed)
+    if bad >= 0:
+        raise SceneError(
+            f"{location}: vertex {bad} of {data.source} becomes "
+            f"{show_numbers(placed[bad])} under to_world; a finite point is needed"
+        )
+    return placed.astype(np.float32)
+
+
 def _degenerate(
     vertices: NDArray[np.float32], faces: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
     """Mark triangles without area, (F,): a corner twice, or all three in one line."""
-    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
-    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    squared_edges = [np.einsum("ij,ij->i", e, e) for e in (b - a, c - b, a - c)]
-    longest = np.maximum.reduce(squared_edges)
-    # The second bound: float32 kernels could not normalize such a normal.
-    return (twice_area <= _FLAT * longest) | (twice_area < np.finfo(np.float32).tiny)
+    flat = np.empty(len(faces), np.bool_)
+    # The least area: float32 kernels could not normalize a normal of less.
+    settings = _FLAT, np.finfo(np.float32).tiny
+    in_parts(len(faces), mark_flat, vertices, faces, *settings, flat)
+    return flat
 
 
 def _vertex_normals(
@@ -143,12 +162,17 @@ def _vertex_normals(
     faces: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """Return unit vertex normals (V, 3): those of the file, computed where it has none."""
-    if data.normals is None:
+    if (given := data.normals) is None:
         return smooth_normals(vertices, faces)
     # Normals are planes: they go by the inverse transpose (rows, so from the right).
     # Only directions count, and scaling first keeps extreme transforms from overflow.
-    normals = _unit(data.normals) @ np.linalg.inv(linear / np.abs(linear).max())
-    normals = _as_mitsuba_rounds(_unit(normals), linear, data.normals)
+    inverse = np.linalg.inv(linear / np.abs(linear).max())
+
+    def turned(begin: int, end: int) -> NDArray[np.float64]:
+        rows = given[begin:end]
+        return _as_mitsuba_rounds(_unit(_unit(rows) @ inverse), linear, rows)
+
+    normals = np.concatenate(in_parts(len(given), turned) or [given])
     missing = np.isnan(normals[:, 0])
     if missing.any():
         normals[missing] = smooth_normals(vertices, faces)[missing]
@@ -192,28 +216,23 @@ def smooth_normals(
     normals
         (V, 3) unit; (1, 0, 0) at a vertex that no face uses, as in Mitsuba.
     """
-    corners = vertices.astype(np.float64)[faces]  # (F, corner, xyz)
-    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face_normal /= np.linalg.norm(face_normal, axis=1, keepdims=True)
-    sums = np.zeros((len(vertices), 3))
-    for k in range(3):
-        side_a = corners[:, (k + 1) % 3] - corners[:, k]
-        side_b = corners[:, (k + 2) % 3] - corners[:, k]
-        side_a /= np.linalg.norm(side_a, axis=1, keepdims=True)
-        side_b /= np.linalg.norm(side_b, axis=1, keepdims=True)
-        # Kahan's angle between unit vectors: exact where arccos of a dot product is not.
-        angle = 2.0 * np.arctan2(
-            np.linalg.norm(side_a - side_b, axis=1), np.linalg.norm(side_a + side_b, axis=1)
-        )
-        weighted = face_normal * angle[:, None]
-        for axis in range(3):  # bincount sums in a fixed order, much faster than add.at
-            sums[:, axis] += np.bincount(
-                faces[:, k], weights=weighted[:, axis], minlength=len(vertices)
-            )
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    unused = length[:, 0] == 0.0
-    sums[unused], length[unused] = (1.0, 0.0, 0.0), 1.0
-    return sums / length
+    face_normals, angles = np.empty((2, len(faces), 3))
+
+    def measure(begin: int, end: int) -> None:
+        along, part = np.empty((end - begin, 3)), angles[begin:end]
+        measure_corners(begin, end, vertices, faces, face_normals, angles, along)
+        np.arctan2(np.sqrt(part), np.sqrt(along), out=part)
+
+    in_parts(len(faces), measure)
+    sums = np.zeros((3, len(vertices), 3))  # one of each corner: no two threads add to it
+
+    def add(corner: int) -> None:
+        add_at_corners(corner, faces, face_normals, angles, sums[corner])
+
+    in_threads(default_threads(), 3, add)
+    normals = np.empty((len(vertices), 3))
+    in_parts(len(vertices), unit_sums, *sums, normals)
+    return normals
 
 
 # --------------------------------------------------------------------------------- cube

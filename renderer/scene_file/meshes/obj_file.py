@@ -8,15 +8,16 @@ Beyond Mitsuba: negative (relative) indices and lines continued with a backslash
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
     flipped,
@@ -86,12 +87,13 @@ def read_obj(
     """
     # latin-1 maps every byte to a character: names may be in any encoding.
     content = read_mesh_bytes(path)
-    require_for_words(content, 95, path)  # lists of texts, and the numbers
+    memory.require(7 * len(content), f"{path}: the mesh")  # of short lines
     blocks = read_blocks(content, face_normals=face_normals)
     parsed = None if blocks is None else _of_blocks(blocks, content)
     if parsed is None:
+        require_for_words(content, 95, path)  # lists of texts, and the numbers
         parsed = _read_lines(content.decode("latin-1"), path, face_normals)
-    vertices, uvs, normals, keys, corner_vertex, face_sizes, lines, skipped = parsed
+    vertices, uvs, normals, keys, corner_vertex, face_sizes, line_of, skipped = parsed
     if face_normals:
         keys[:, 2] = 0
 
@@ -103,16 +105,20 @@ def read_obj(
         if flip_tex_coords:
             uvs[:, 1] = flipped(uvs[:, 1])
         uv = np.vstack((np.zeros((1, 2)), uvs))[keys[:, 1]]
+
+    def line(what: str, vertex: int) -> int:
+        column = ("position", "uv", "normal").index(what)
+        return line_of(column, int(keys[vertex, column]) - 1)
+
+    triangles = corner_vertex.reshape(-1, 3) if (face_sizes == 3).all() else None
     mesh = judged_mesh(
         vertices[keys[:, 0] - 1],
-        corner_vertex[_fan(face_sizes)].astype(np.int32),
+        corner_vertex[_fan(face_sizes)] if triangles is None else triangles,
         normal,
         uv,
         str(path),
-        {
-            what: np.append(0, lines[column])[keys[:, column]]
-            for column, what in enumerate(("position", "uv", "normal"))
-        },
+        line,
+        keys[:, 2] > 0,
     )
     warnings = (*_warnings(skipped, path), *_missing(keys, path), *mesh.warnings)
     return replace(mesh, warnings=warnings)
@@ -124,10 +130,10 @@ class _Parsed(NamedTuple):
     vertices: NDArray[np.float64]
     uvs: NDArray[np.float64]
     normals: NDArray[np.float64]
-    keys: NDArray[np.int64]  # (V, 3): index of v, vt, vn of each vertex; 0: none given
-    corner_vertex: NDArray[np.int64]  # (corners,): the vertex of each corner
-    face_sizes: NDArray[np.int64]
-    lines: Sequence[NDArray[np.int64]]  # of each v, vt, vn
+    keys: NDArray[Any]  # (V, 3): index of v, vt, vn of each vertex; 0: none given
+    corner_vertex: NDArray[np.int32]  # (corners,): the vertex of each corner
+    face_sizes: NDArray[Any]
+    line_of: Callable[[int, int], int]  # (0 for v, 1 for vt, 2 for vn; which, from 0)
     skipped: list[tuple[int, str]]  # unknown (line, word)
 
 
@@ -137,8 +143,7 @@ def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed | None:
     None if one of these is geometry after all, such as a line that is indented.
     """
     skipped = []
-    for number in blocks.other.tolist():
-        begin = blocks.starts[number - 1]
+    for number, begin in blocks.other.tolist():
         end = content.find(b"\n", begin)
         line = content[begin : end if end >= 0 else None].decode("latin-1")
         words = line.partition("#")[0].split()
@@ -146,17 +151,12 @@ def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed | None:
             return None
         if words and words[0] not in _NOT_GEOMETRY:
             skipped.append((number, words[0]))
-    keys, vertex = distinct(blocks.corners)
-    return _Parsed(
-        blocks.v,
-        blocks.vt,
-        blocks.vn,
-        keys,
-        vertex,
-        blocks.face_sizes,
-        blocks.lines,
-        skipped,
-    )
+
+    def line_of(column: int, row: int) -> int:
+        return content.count(b"\n", 0, blocks.begins[column][row]) + 1
+
+    corners = distinct(blocks.corners, len(blocks.v))
+    return _Parsed(*blocks[:3], *corners, blocks.face_sizes, line_of, skipped)
 
 
 def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
@@ -177,9 +177,9 @@ def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
         uvs,
         normals,
         keys,
-        corner_vertex,
+        corner_vertex.astype(np.int32),
         np.array(tables.face_sizes),
-        [np.array(table.lines, np.int64) for table in each],
+        lambda column, row: each[column].lines[row],
         tables.skipped,
     )
 

@@ -184,7 +184,7 @@ def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32
             f"{path}: face {bad} has the vertices {show_numbers(face[name][bad])}; "
             f"possible are integers from 0 to {vertex_count - 1}"
         )
-    return face[name].astype(np.int32)
+    return face[name].astype(np.int32, copy=False)
 
 
 def _warnings(header: PlyHeader, path: Path) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,8 +160,9 @@ def _show(words: list[str]) -> str:
 # case for the triangles of a mesh. The length is read from the first record, then
 # checked.
 
-# The records of one element: property name -> (N,), of a list (N, length).
-Columns = dict[str, NDArray[np.float64]]
+# The records of one element: property name -> (N,) doubles, of a list (N, length), of
+# its own type in binary files.
+Columns = dict[str, NDArray[Any]]
 
 
 def read_records(content: bytes, header: PlyHeader, path: Path) -> dict[str, Columns]:
@@ -199,8 +201,9 @@ def _read_binary(content: bytes, header: PlyHeader, path: Path) -> dict[str, Col
                     raise _other_length(f"{path}", element, p, int(wrong[0]), length)
             # A double far beyond float32 stays as it is: the mesh reader reports it, and
             # NaNs, of which the cast would warn where they are signalling ones.
+            kind = p.type if p.count_type else "f8"
             with np.errstate(invalid="ignore"):
-                columns[element.name][p.name] = column.astype(np.float64)
+                columns[element.name][p.name] = column.astype(kind)
     if position != len(content):
         raise SceneError(
             f"{path}: {len(content) - position} bytes are left over after the last "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
-from renderer.scene_file.meshes import obj_file
+from renderer.scene_file.meshes import obj_blocks, obj_file
 from renderer.scene_file.meshes.obj_blocks import read_blocks
 
 CORNERS = {
@@ -144,3 +144,39 @@ def test_damaged_files_are_read_or_refused_alike(tmp_path, monkeypatch):
         one, other = both(tmp_path, monkeypatch, bytes(content))
         monkeypatch.undo()
         assert_same(one, other)
+
+
+def numbers_of(words: list[str]) -> np.ndarray:
+    """Return what a file of vertices holds, a multiple of three words."""
+    lines = ["v " + " ".join(words[k : k + 3]) for k in range(0, len(words), 3)]
+    blocks = read_blocks("\n".join([*lines, "f 1 1 1"]).encode(), face_normals=False)
+    return blocks.v.ravel()
+
+
+def test_numbers_are_rounded_as_python_rounds_them():
+    """Also those of 18 digits, halfway between two doubles, or out of their range."""
+    rng = np.random.default_rng(4)
+    values = rng.normal(size=600).tolist()
+    words = [form.format(x) for form in ("{!r}", "{:.9g}", "{:.17e}") for x in values]
+    odd = [str(2 * int(x) + 1) for x in rng.integers(2**53, 2**54, 600)]
+    words += [f"{m[:k]}.{m[k:]}" for k, m in zip(np.arange(600) % 16 + 1, odd, strict=True)]
+    wide = zip(rng.integers(0, 10**18, 600), rng.integers(-320, 300, 600), strict=True)
+    words += [f"{m}e{power}" for m, power in wide]
+    words += ["+1", "-0", "0.", "-.5", ".5e3", "1E+5", "1e22", "1e23", "0e999", "1e-400"]
+    words += ["9007199254740993", "9007199254740992.5", "000123.450", "0.1" + "0" * 40]
+    words += ["9" * 30]
+    found = numbers_of(words)
+    expected = np.array([float(word) for word in words])
+    np.testing.assert_array_equal(found.view(np.int64), expected.view(np.int64))
+
+
+def test_blocks_end_anywhere(monkeypatch):
+    """A line belongs to the block in which it begins."""
+    content = ordinary("v/vt/vn", 2)
+    whole = read_blocks(content, face_normals=False)
+    for size in (1, 7, 64, 1000):
+        monkeypatch.setattr(obj_blocks, "_BLOCK", size)
+        parts = read_blocks(content, face_normals=False)
+        for one, other in zip(whole, parts, strict=True):
+            for a, b in zip(one, other, strict=True):
+                np.testing.assert_array_equal(a, b)

@@ -161,14 +161,13 @@ def _median_of(boxes, order, middle, centres):
 def test_the_median_split_alone_builds_a_tree(monkeypatch):
     """The way out at great depth is right by itself, also where nothing is degenerate."""
     lower, upper = soup(777)
-    boxes = np.concatenate((lower, upper)).T.copy()
-    centres = (
-        np.concatenate(((boxes[:, :3] + boxes[:, 3:]).min(0), (lower + upper).max(1))) / 2
-    )
+    boxes = bvh_build.side_by_side(lower, upper)
+    middles = (lower + upper) / 2
+    centres = np.concatenate((middles.min(axis=1), middles.max(axis=1)))
     order = np.arange(777, dtype=np.int32)
     _median_of(boxes, order, 388, centres.astype(np.float32))
     axis = np.argmax(centres[3:] - centres[:3])
-    middle = boxes[:, axis] + boxes[:, axis + 3]
+    middle = boxes[:, axis] - boxes[:, axis + 4]
     assert middle[:388].max() <= middle[388:].min()
     np.testing.assert_array_equal(boxes[:, :3].T, lower[:, order])
 

@@ -20,7 +20,7 @@ from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, validate_bvh
 from renderer.plugins.shapes.extents import extents_of
 from renderer.plugins.shapes.flat import replaced
-from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 
 RAYS = 2000
 N = 400
