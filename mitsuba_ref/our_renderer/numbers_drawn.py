@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
+from mitsuba_ref.our_renderer.traced_path import PHASE, Numbers, light_number
 from renderer.kernels.records.batch import Tile
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.rendering.job import RenderJob
@@ -21,7 +21,6 @@ from renderer.replay.sequences import (
     Replay,
 )
 
-PHASE = "phase function"
 _NOT_DRAWN = np.float32(2.0**-30)  # in [0, 1), and no sampler's
 
 

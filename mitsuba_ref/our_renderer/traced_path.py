@@ -16,6 +16,9 @@ Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
 BLACK: Vector = (0.0, 0.0, 0.0)
 WHITE: Vector = (1.0, 1.0, 1.0)
 
+PHASE = "phase function"
+"""Name of the numbers that choose a direction at a collision."""
+
 # what may end a flight in place of a surface or the sky
 COLLISION = "a collision"  # real, in a medium
 ENDED = "the path's end"  # Russian roulette, the depth limit, a throughput of 0

@@ -13,11 +13,11 @@ from typing import Any
 import drjit
 import numpy as np
 
-from mitsuba_ref.our_renderer.numbers_drawn import PHASE
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
     COLLISION,
     ENDED,
+    PHASE,
     Bounce,
     SampledLight,
     Scattered,

@@ -76,7 +76,9 @@ def test_a_led_path_draws_the_numbers_of_the_other(pair):
             break
     first, *rest = reference.bounces
     more = replace(first, numbers={**first.numbers, "flight 9": 0.5})
-    (led,) = pair._our_steps().trace_led(pixel, 0, replace(reference, bounces=(more, *rest)))
+    (led,) = pair._our_steps().trace_led(
+        pixel, 0, replace(reference, bounces=(more, *rest))
+    )
     (same,) = pair._our_steps().trace_led(pixel, 0, reference)
     assert led.bounces[0] == same.bounces[0]
     assert led.bounces[1] != same.bounces[1]
@@ -89,9 +91,7 @@ def test_a_defect_in_a_flight_is_named(monkeypatch, capsys):
     def darker(self, *given):
         path = real(self, *given)
         first, *rest = path.bounces
-        rest = [
-            replace(b, throughput=tuple(0.9 * c for c in b.throughput)) for b in rest
-        ]
+        rest = [replace(b, throughput=tuple(0.9 * c for c in b.throughput)) for b in rest]
         return replace(path, bounces=(first, *rest))
 
     monkeypatch.setattr(StepsInMedia, "_trace", darker)
