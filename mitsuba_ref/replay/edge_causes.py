@@ -1,8 +1,8 @@
 """What can be said about a divergent pixel of an integrator that has no trace.
 
-Only `path`, `direct` and `volpath` are written down bounce by bounce. For the others our AOVs show
-whether the camera rays of the pixel pass an edge: one ray through each pixel's centre, and
-the shapes and primitives that the neighbouring pixels see.
+Only `path`, `direct` and `volpath` are written down bounce by bounce. For the others our
+AOVs show whether the camera rays of the pixel pass an edge: one ray through each pixel's
+centre, and the shapes and primitives that the neighbouring pixels see.
 """
 
 from __future__ import annotations

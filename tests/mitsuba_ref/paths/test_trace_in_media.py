@@ -69,7 +69,7 @@ def test_the_steps_are_the_render(pair):
 
 
 def test_a_led_path_draws_the_numbers_of_the_other(pair):
-    """Where Mitsuba has drawn one number more in a flight, so does ours: the next differ."""
+    """If Mitsuba has drawn one number more in a flight, ours does: the next ones differ."""
     for pixel in PIXELS:
         reference = pair.trace_mitsuba(pixel, 0)
         if len(reference.bounces) > 2:

@@ -11,8 +11,14 @@ from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.plugins.shapes.primitives import primitives_from
+from renderer.plugins.shapes import triangle_tables
+from renderer.plugins.shapes.extents import primitive_bounds
+from renderer.plugins.shapes.primitives import ROUNDING, primitives_from
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.plugins.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
+from renderer.process import worker_pool
+from renderer.scene_file.description import Diffuse, Mesh
+from renderer.scene_file.meshes.mesh import smooth_normals
 
 N = 16_384
 
@@ -217,3 +223,58 @@ def test_the_end_of_the_ray_is_inclusive():
         np.testing.assert_array_equal(at_end, found.hit)
         before = np.nextafter(t, np.float32(-np.inf))
         assert not both(p, o, d, before)[method].hit.any()
+
+
+def test_tables_hold_what_numpy_computes(monkeypatch):
+    """Bit by bit, also in parts: a smooth mesh with uv next to a faceted, flipped one."""
+    monkeypatch.setattr(worker_pool, "PART", 7)
+    monkeypatch.setattr(worker_pool, "default_threads", lambda: 3)
+    rng = np.random.default_rng(5)
+    points, turned = (rng.normal(size=(30, 3)).astype(np.float32) for _ in range(2))
+    faces = np.array([rng.permutation(30)[:3] for _ in range(40)], np.int32)
+    uvs = rng.random((30, 2)).astype(np.float32)
+    common = {"bsdf": Diffuse(), "vertices": points, "faces": faces}
+    meshes = [
+        Mesh(**common, normals=turned, uvs=uvs),
+        Mesh(**common, flip_normals=True),
+    ]
+    table = triangle_tables.surfaces(meshes, 100)
+    assert (table.first, table.end) == (100, 180)
+
+    a, b, c = np.tile(points[faces], (2, 1, 1)).transpose(1, 2, 0)  # (3, n) each
+    cross = np.cross((b - a).T.astype(float), (c - a).T.astype(float))
+    unit = (cross / np.linalg.norm(cross, axis=1, keepdims=True)).T.astype(np.float32)
+    edges = points[faces].astype(float)
+    exact = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    flat = -exact / np.linalg.norm(exact, axis=1, keepdims=True)
+    given = np.concatenate((turned[faces].reshape(-1, 9), np.tile(flat, 3)))
+    corners = uvs[faces].reshape(-1, 6), np.tile([0, 0, 1, 0, 0, 1], (40, 1))
+    np.testing.assert_array_equal(table.places, np.concatenate((a, b - a, c - a, unit)))
+    np.testing.assert_array_equal(table.ends, np.concatenate((b, c)))
+    np.testing.assert_array_equal(table.normals.T, given.astype(np.float32))
+    np.testing.assert_array_equal(table.uvs.T, np.concatenate(corners).astype(np.float32))
+
+    order = rng.permutation(80)
+    group = SHAPES["triangles"].group(table, order)
+    sums = [np.abs(part[:, order]).sum(axis=0) for part in (a, b - a, c - a)]
+    normal, size = cross.T.astype(np.float32)[:, order], sums[1] + sums[2]
+    derived = np.abs(normal).sum(axis=0), size, size * (sums[0] + size)
+    rows = table.places[:9, order], normal, table.ends[:, order], derived
+    np.testing.assert_array_equal(group.rows[:, :80], np.concatenate(rows))
+    np.testing.assert_array_equal(group.id[:80], order + 100)
+
+    ends = np.array((a, a + (b - a), a + (c - a)))
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    slack = ROUNDING * np.abs((low, high)).max(axis=(0, 1))
+    expected = low - slack, high + slack
+    np.testing.assert_array_equal(primitive_bounds("triangles", table), expected)
+
+
+def test_the_normals_of_a_mesh_do_not_depend_on_threads(monkeypatch):
+    rng = np.random.default_rng(6)
+    points = rng.normal(size=(50, 3)).astype(np.float32)
+    faces = np.array([rng.permutation(50)[:3] for _ in range(90)], np.int32)
+    whole = smooth_normals(points, faces)
+    monkeypatch.setattr(worker_pool, "PART", 7)
+    monkeypatch.setattr(worker_pool, "default_threads", lambda: 3)
+    np.testing.assert_array_equal(smooth_normals(points, faces), whole)
