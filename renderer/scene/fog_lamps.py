@@ -14,8 +14,8 @@ from renderer.scene_file.media_description import ConstantVolume, Medium
 MOST_LAMPS = 16
 """Each takes time at each segment: where there are more, none is looked for."""
 
-# In lengths of the segments that pass lamps. A lamp of 1/25 gains 1.3 times and more, one
-# of 1/12 nothing.
+# In lengths of the segments that pass lamps. With a lamp of 1/25 the median pixel gains 1.3
+# times, with one of 1/12 1.07 times; pixels that see the lamp gain nothing.
 _LARGEST_RADIUS = 1.0 / 24.0
 
 
