@@ -99,5 +99,5 @@ class IntegratorKind:
     trace_several: Any = None
     # `trace` where panes refract light samples; None: not supported
     trace_through_panes: Any = None
-    # `trace` with one more point of segments in fog that pass lamps; None: not supported
+    # `trace` with equiangular points in fog, where lamps are near; None: not supported
     trace_near_lamps: Any = None

@@ -1,4 +1,7 @@
-"""Small lamps in fog, near which light is looked for (`integrators.stages.near_lamps`)."""
+"""Small lamps in fog, near which light samples are taken (`integrators.stages.near_lamps`).
+
+Fog is a homogeneous medium that scatters.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,12 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.media_description import ConstantVolume, Medium
 
 MOST_LAMPS = 16
-"""Each takes time at each segment: where there are more, none is looked for."""
+"""Each takes time at each segment; with more of them there are no such samples."""
 
-# In lengths of the segments that pass lamps. With a lamp of 1/25 the median pixel gains 1.3
-# times, with one of 1/12 1.07 times; pixels that see the lamp gain nothing.
+# Relative to the length of a segment. With a lamp of 1/25 the median pixel reaches the same
+# error in 1.3 times less time, with one of 1/12 in 1.07 times less.
 _LARGEST_RADIUS = 1.0 / 24.0
+_LEAST_STRENGTH = 1e-6  # relative to the strongest: single precision adds their light up
 
 
 def fog_lamps(scene: Scene) -> NDArray[np.float32]:
@@ -42,6 +46,7 @@ def _fog_lamps(scene: Scene) -> NDArray[np.float32]:
     if len(lamps) > MOST_LAMPS:
         lamps = []
     most = max((lamp.strength for lamp in lamps), default=1.0)
+    lamps = [lamp for lamp in lamps if lamp.strength >= _LEAST_STRENGTH * most]
     rows = [[*lamp.center, lamp.radius**2, lamp.strength / most] for lamp in lamps]
     return np.ascontiguousarray(np.reshape(rows, (-1, 5)).T, np.float32)
 

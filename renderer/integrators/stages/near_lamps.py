@@ -1,7 +1,7 @@
 """Direct light in fog at a second place of a segment, where lamps nearby light it most.
 
-A free flight collides by where the fog is. Few collisions are next to a small lamp, and
-these are bright: noise. So a segment that passes a lamp gets one more point, by equiangular
+A free flight collides by where the fog is. Collisions close to a small lamp are rare and
+bright, which is noise. So a segment that passes a lamp gets one more point, by equiangular
 sampling. There and at the collision a light sample is taken, each weighed by the balance
 heuristic over the distance t [Veach1997, section 9.2]: throughput T sigma_s / (p_flight +
 p_equiangular). The path itself goes on from its collision, unweighed.
@@ -87,7 +87,7 @@ def _choose_segments(scene, work, count, lamps):
         depth = gather_row(state.depth, 0, slot, valid)
         inside = valid & (medium >= 0) & (depth < np.int32(last))
         missed, t = load_row(hits.prim, 0, i) < 0, load_row(hits.t, 0, i)
-        # media go on behind the camera's far plane
+        # the end that `fly` uses, or the two weights of a place would not add up to 1
         end = select(missed, splat_f32(np.float32(np.inf)), t)
         end = segment_end(media, medium, end, inside)
         inside = inside & (end > 0.0)

@@ -2,8 +2,8 @@
 
 The light of a lamp at the distance r falls with 1 / r^2. The place t of a segment gets the
 density of that, by the angle under which the lamp sees the segment [Kulla2012]; of several
-lamps that of the sum of I / r^2, so that a place close to any of them is likely. Points
-end where a few free paths end, as behind them a lamp is hardly seen.
+lamps that of the sum of I / r^2, so that a place close to any of them is likely. Places lie
+within two mean free paths: of what is farther away, little light arrives.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from renderer.plugins.media.free_flight import attenuated_sigma_t, mean
 
 # rows of the table of lamps, after the centre
 RADIUS2, STRENGTH = 3, 4
-# Where points end, in free paths. At 4: the same variance in 1.1 times the time.
+# End of the sampled range, in mean free paths. With 4 a picture has the same variance and
+# takes 1.1 times the time.
 FREE_PATHS = np.float32(2.0)
 # So many times more light at the nearest place of a segment than at the farthest one make
 # it worth a point. At 5 and 25 the gain is 0.9 and 1.0 times as large.
@@ -48,7 +49,7 @@ class Foot(NamedTuple):
 
 @kernel
 def segment_end(media, medium, end, mask):
-    """Return where segments that end at `end` end for points; 0 in media that vary."""
+    """Return the end of the sampled range, at most `end`; 0 in heterogeneous media."""
     even = mask & ~(gather_row(media.majorant, 0, medium, mask) > 0.0)
     sigma = mean(gather3(media.sigma_t, medium, even))
     there = even & (sigma > 0.0)
@@ -109,7 +110,8 @@ def sample_place(lamps, origin, direction, end, x):
     open_ = left >= 0.0
     for k in range(lamps.shape[1]):
         foot, distance, first, part = _part(lamps, k, origin, direction, end)
-        sine, cosine = sincos(first + left * distance / load_one(lamps, STRENGTH, k))
+        inside = minimum(left, part)  # rounding may leave more than the last lamp has
+        sine, cosine = sincos(first + inside * distance / load_one(lamps, STRENGTH, k))
         t = select(open_, foot + distance * (sine / cosine), t)
         open_ = open_ & ~(left < part)
         left = left - part

@@ -196,9 +196,9 @@ _TO_UNIT = np.float32(2.0**-24)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 
 # Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
-# a bounce draws the BSDF, the following ones the lights, and those from `ON_THE_WAY` on
-# what rays meet on their way: media, panes. The lens has the one before the second bounce's
-# first.
+# a bounce draws the BSDF, the following ones the lights (4 a place in fog near lamps), and
+# those from `ON_THE_WAY` on what rays meet on their way: media, panes. The lens has the one
+# before the second bounce's first.
 FILM_BLOCK = 0
 BLOCKS_PER_BOUNCE = 1 << 20
 ON_THE_WAY = BLOCKS_PER_BOUNCE // 2

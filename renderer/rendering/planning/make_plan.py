@@ -227,7 +227,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         why.say("panes", "they refract light samples, which find what shines behind them")
     if case.reduce and _may_look_near_lamps(scene, plan):
         plan = dataclasses.replace(plan, near_lamps=True)
-        why.say("lamps in fog", "light is looked for near small ones, too (equiangular)")
+        why.say(
+            "lamps in fog", "light samples are also taken near small ones (equiangular)"
+        )
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     if plan.kind.splits and plan.mirrors:

@@ -129,7 +129,7 @@ def _placed(
     points = np.ascontiguousarray(data.vertices)
     matrix = np.column_stack((linear, offset))
     found = in_parts(len(points), place_vertices, points, matrix, vertices)
-    largest, error = np.max(found, axis=0, initial=0.0)
+    largest, error = np.reshape(found, (-1, 2)).max(axis=0, initial=0.0)
     # far from the origin single precision would lose what the transform brings back
     if error <= 16 * 2.0**-24 * largest and largest <= np.finfo(np.float32).max:
         return vertices

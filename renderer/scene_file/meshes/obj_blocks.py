@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.process import memory
 from renderer.process.worker_pool import default_threads, in_threads
 from renderer.scene_file.meshes.mesh_data import is_number
 from renderer.scene_file.meshes.obj_kernels import (
@@ -41,7 +42,9 @@ class Blocks(NamedTuple):
     other: Integers  # (n, 2): number from 1, and first byte, of lines of other kinds
 
 
-def read_blocks(content: bytes, *, face_normals: bool) -> Blocks | None:
+def read_blocks(
+    content: bytes, *, face_normals: bool, what: str = "an OBJ file"
+) -> Blocks | None:
     """Return the numbers of a file; None if it has to be read line by line.
 
     Parameters
@@ -49,7 +52,14 @@ def read_blocks(content: bytes, *, face_normals: bool) -> Blocks | None:
     content
         The file.
     face_normals
-        Whether the lines of normals are not to be read.
+        Skip the numbers of `vn` lines.
+    what
+        Beginning of the message about memory.
+
+    Raises
+    ------
+    NotAllowed
+        If the numbers, and the mesh that is made of them, take more memory than there is.
     """
     if b"\\" in content:  # may join lines
         return None
@@ -64,6 +74,9 @@ def read_blocks(content: bytes, *, face_normals: bool) -> Blocks | None:
     in_threads(default_threads(), blocks, count)
     before = np.cumsum(counts, axis=0)
     _, v, vt, vn, faces, others, corners = before[-1].tolist()
+    # numbers, begins of lines, and what `distinct` and fans of triangles take
+    rows, of_corners = 32 * (v + vn) + 24 * vt, 76 * corners + 12 * faces
+    memory.require(rows + 4 * v + of_corners + 64 * others, what)
     found = Blocks(
         np.zeros((v, 3)),
         np.zeros((vt, 2)),
@@ -118,4 +131,17 @@ def distinct(
     vertex, following = np.empty((2, count), np.int32)
     newest = np.full(positions + 1, -1, np.int32)
     vertices = number_corners(corners, newest, following, keys, vertex)
-    return keys[:vertices], vertex
+    return (keys[:vertices], vertex) if vertices >= 0 else _distinct_by_sorting(corners)
+
+
+def _distinct_by_sorting(
+    corners: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Do as `distinct` where one position has many uv or normals."""
+    keys, first, vertex = np.unique(
+        corners.T, axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first)
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    return np.ascontiguousarray(keys[order]), number[vertex.ravel()]

@@ -88,7 +88,7 @@ def read_obj(
     # latin-1 maps every byte to a character: names may be in any encoding.
     content = read_mesh_bytes(path)
     memory.require(7 * len(content), f"{path}: the mesh")  # of short lines
-    blocks = read_blocks(content, face_normals=face_normals)
+    blocks = read_blocks(content, face_normals=face_normals, what=f"{path}: the mesh")
     parsed = None if blocks is None else _of_blocks(blocks, content)
     if parsed is None:
         require_for_words(content, 95, path)  # lists of texts, and the numbers
@@ -143,14 +143,14 @@ def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed | None:
     None if one of these is geometry after all, such as a line that is indented.
     """
     skipped = []
-    for number, begin in blocks.other.tolist():
+    for number, begin in blocks.other:
         end = content.find(b"\n", begin)
         line = content[begin : end if end >= 0 else None].decode("latin-1")
         words = line.partition("#")[0].split()
         if words and words[0] in KINDS:
             return None
         if words and words[0] not in _NOT_GEOMETRY:
-            skipped.append((number, words[0]))
+            skipped.append((int(number), words[0]))
 
     def line_of(column: int, row: int) -> int:
         return content.count(b"\n", 0, blocks.begins[column][row]) + 1

@@ -9,11 +9,14 @@ import numpy as np
 
 from renderer.kernels.jit import entry_kernel, kernel
 
-# what a block has of: lines, v, vt, vn, f, other lines, corners
+# columns of `counts`: lines, v, vt, vn, f, other lines, corners
 _LINES, _FACES, _OTHERS, _CORNERS = 0, 4, 5, 6
 _NEWLINE, _HASH, _SLASH, _POINT, _PLUS, _MINUS, _ZERO = b"\n#/.+-0"
 _F, _N, _T, _V, _E, _SMALL_E = b"fntvEe"
-PLAIN, _HARD, UNUSUAL = range(3)  # numbers that Python has to read; not for kernels
+# What a line is: read; with numbers that Python has to read; not for these kernels at all.
+PLAIN, _HARD, UNUSUAL = range(3)
+_LONGEST = 64
+_NOTHING = 5
 LARGEST = 2**31 - 1
 _POWERS = np.array([10.0**k for k in range(23)])  # all that double precision has exactly
 _NAN = np.nan
@@ -21,13 +24,21 @@ _NAN = np.nan
 
 @entry_kernel
 def number_corners(corners, newest, following, keys, vertex):
-    """Write the vertex of each corner; those with one v are a chain, the newest first."""
+    """Write the vertex of each corner; return how many there are.
+
+    Those with one v are a chain, the newest first. -1 if one is longer than `_LONGEST`,
+    since the time grows with the square of it.
+    """
     count = 0
     for k in range(corners.shape[1]):
         v, vt, vn = corners[0, k], corners[1, k], corners[2, k]
         same = newest[v]
+        passed = 0
         while same >= 0 and (keys[same, 1] != vt or keys[same, 2] != vn):
             same = following[same]
+            passed += 1
+        if passed > _LONGEST:
+            return -1
         if same < 0:
             same = np.int32(count)
             keys[count, 0], keys[count, 1], keys[count, 2] = v, vt, vn
@@ -46,7 +57,8 @@ def count_lines(text, begin, end, counts):
     while at < end:
         kind, word_end = _kind_of_line(text, at)
         counts[_LINES] += 1
-        counts[1 + kind] += 1
+        if kind != _NOTHING:
+            counts[1 + kind] += 1
         if 1 + kind == _FACES:
             at = _next_word(text, word_end)
             while not _ends_line(text, at):
@@ -95,7 +107,7 @@ def read_lines(
             face += 1
             if corner - first < 3:
                 found = UNUSUAL
-        else:
+        elif kind != _NOTHING:
             other[others, 0], other[others, 1] = line, at
             others += 1
         state = max(state, found)
@@ -242,7 +254,10 @@ def _next_line(text, at):
 
 @kernel
 def _kind_of_line(text, at):
-    """Return the place of its first word in `KINDS`, or their number; and its end."""
+    """Return the place of its first word in `KINDS`, 4 for other words; and its end.
+
+    `_NOTHING` for lines that are empty or a comment.
+    """
     if text[at] == _F and _is_blank(text, at + 1):
         return 3, at + 1
     if text[at] == _V:
@@ -253,7 +268,9 @@ def _kind_of_line(text, at):
                 return 1, at + 2
             if text[at + 1] == _N:
                 return 2, at + 2
-    return 4, at
+    begins = text[at] == 13 and at + 1 < text.shape[0]  # a carriage return
+    first = text[at + 1] if begins else text[at]
+    return (_NOTHING if first == _NEWLINE or first == _HASH else 4), at
 
 
 @kernel

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.meshes import obj_blocks, obj_file
 from renderer.scene_file.meshes.obj_blocks import read_blocks
 
@@ -180,3 +181,27 @@ def test_blocks_end_anywhere(monkeypatch):
         for one, other in zip(whole, parts, strict=True):
             for a, b in zip(one, other, strict=True):
                 np.testing.assert_array_equal(a, b)
+
+
+def test_one_position_with_many_uv_takes_no_quadratic_time(tmp_path):
+    """The vertices are those of `np.unique`, in the order in which they come first."""
+    count = 3000
+    uvs = "".join(f"vt {k} {k % 7}\n" for k in range(count))
+    faces = "".join(f"f 1/{1 + k % 999} 2/1 3/1\n" for k in range(count))
+    path = tmp_path / "fan.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + uvs + faces)
+    mesh = obj_file.read_obj(path)
+    assert len(mesh.vertices) == 999 + 2
+    np.testing.assert_array_equal(mesh.faces[:3], [[0, 1, 2], [3, 1, 2], [4, 1, 2]])
+    np.testing.assert_array_equal(mesh.faces[999], mesh.faces[0])
+
+
+@pytest.mark.parametrize("line", ["\n", "# a remark\n", "\r\n", "o name\n"])
+def test_the_memory_of_a_file_is_known_before_it_is_taken(line, monkeypatch, tmp_path):
+    """Lines without a number take none; others do, and are refused with a sentence."""
+    path = tmp_path / "lines.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + line * 2_000_000 + "f 1 2 3\n")
+    required: list[int] = []
+    monkeypatch.setattr(memory, "require", lambda size, what: required.append(size))
+    obj_file.read_obj(path)
+    assert (required[-1] > 100_000_000) == line.startswith("o")
