@@ -90,7 +90,10 @@ class VolpathTracer(MitsubaTracer):
         )
 
     def _fly(self, state: _PathInMedia, numbers: NumbersDrawn) -> tuple[str, Any]:
-        """Return how a flight ends (empty: not in a medium) and the interaction there."""
+        """Return `COLLISION`, `ENDED` or, at a surface and in the sky, an empty text.
+
+        And the interaction there; None where the path has ended.
+        """
         method, si, count = self.method, None, 0
         while True:
             count += 1
@@ -164,7 +167,7 @@ class VolpathTracer(MitsubaTracer):
             def eval_pdf(wi: Any) -> tuple[Any, float]:
                 return phase.eval_pdf(context, mei, wi, True)  # type: ignore[no-any-return]
 
-            lights = self._sampled(state, mei, eval_pdf, state.medium, numbers)
+            lights = self._sampled(state, mei, eval_pdf, numbers)
         point = numbers.two(PHASE)
         wo, weight, pdf = phase.sample(context, mei, numbers.one(PHASE), point, True)
         state.ray = mei.spawn_ray(wo)
@@ -184,7 +187,7 @@ class VolpathTracer(MitsubaTracer):
                 wo = si.to_local(wi)
                 return bsdf.eval(context, si, wo, True), bsdf.pdf(context, si, wo, True)
 
-            lights = self._sampled(state, si, eval_pdf, state.medium, numbers)
+            lights = self._sampled(state, si, eval_pdf, numbers)
         point = numbers.two("bsdf")
         chosen, weight = bsdf.sample(context, si, numbers.one("bsdf"), point, True)
         kind, flags = chosen.sampled_type, mi.BSDFFlags
@@ -213,12 +216,7 @@ class VolpathTracer(MitsubaTracer):
         return Scattered(vector(direction), pdf, throughput, True, origin, straight)
 
     def _sampled(
-        self,
-        state: _PathInMedia,
-        at: Any,
-        eval_pdf: Any,
-        medium: Any,
-        numbers: NumbersDrawn,
+        self, state: _PathInMedia, at: Any, eval_pdf: Any, numbers: NumbersDrawn
     ) -> tuple[SampledLight, ...]:
         """Sample a light at a surface or a collision, and add what arrives."""
         mi, scene, point = self._mi, self._scene, numbers.two(light_number(0))
@@ -228,7 +226,7 @@ class VolpathTracer(MitsubaTracer):
         passed = mi.Color3f(0.0)
         origin = None
         if sampled.pdf != 0.0:
-            ray = at.spawn_ray_to(sampled.p)
+            ray, medium = at.spawn_ray_to(sampled.p), state.medium
             origin = vector(ray.o)
             if isinstance(at, mi.SurfaceInteraction3f) and at.is_medium_transition():
                 medium = at.target_medium(ray.d)
