@@ -88,13 +88,13 @@ def mirror_no_rectangles(root: Element) -> bool:
 
 
 def turn_bumpy_shapes(root: Element) -> bool:
-    """Turn shapes with bump maps by a tenth of a degree, so that no u runs along z."""
+    """Turn shapes with bump maps by three degrees, so that no u runs along z."""
     shapes = [
         e for e in root.iter("shape") if e.find(".//bsdf[@type='bumpmap']") is not None
     ]
     shapes = [shape for shape in shapes if shape.get("type") != "shapegroup"]
-    turned = {"x": "0.6", "y": "0.8", "angle": "0.1"}
-    if root.find(".//rotate[@x='0.6'][@y='0.8'][@angle='0.1']") is not None:
+    turned = {"x": "0.6", "y": "0.8", "angle": "3"}
+    if root.find(".//rotate[@x='0.6'][@y='0.8'][@angle='3']") is not None:
         return False
     for shape in shapes:
         SubElement(_transform(shape, "to_world"), "rotate", turned)

@@ -26,6 +26,7 @@ from renderer.plugins.bsdfs.kind import (
     lobe_of,
     sample_bsdf,
 )
+from renderer.plugins.bsdfs.normalmap import frame_along
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.numbers_and_warps import Plain
 from renderer.scene.materials import MaterialTables, kind_of
@@ -65,6 +66,22 @@ def run_sample(bsdf, points, wo, numbers, wi, weight, pdf_eta, lobe):
         store_row(pdf_eta, 0, i, chosen.pdf + 0.0 * chosen.weight.x)
         store_row(pdf_eta, 1, i, chosen.eta + 0.0 * chosen.weight.x)
         store_row(lobe, 0, i, lobe_of(chosen))
+
+
+@entry_kernel
+def run_frame_along(normal, x, axes):
+    for i in range(0, normal.shape[1], 16):
+        frame, _ = frame_along(load3(normal, i), load3(x, i))
+        store3(axes[0], i, frame.s)
+        store3(axes[1], i, frame.t)
+        store3(axes[2], i, frame.n)
+
+
+def frames_along(normal: Array, x: Array) -> NDArray[np.float32]:
+    """Return the axes (3, 3, n) of frames around normals whose s is along x, (3, n)."""
+    axes = np.zeros((3, *normal.shape), np.float32)
+    run_frame_along(normal.astype(np.float32), x.astype(np.float32), axes)
+    return axes
 
 
 class Sampled(NamedTuple):

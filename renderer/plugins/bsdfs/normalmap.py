@@ -83,6 +83,8 @@ def frame_along(normal, x):
     s = x - normal * dot(normal, x)
     across = dot(s, s) > _NOTHING
     s = normalize(select3(across, s, vec3(none, normal.z, -normal.y)))
+    # once more: where x is nearly along the normal, s is a difference of rounded values
+    s = normalize(s - normal * dot(normal, s))
     return Frame(s, cross(normal, s), normal), there & across
 
 

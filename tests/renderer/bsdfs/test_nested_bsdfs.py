@@ -10,7 +10,13 @@ import pkgutil
 
 import numpy as np
 import pytest
-from bsdf_probes import BsdfProbe, MitsubaProbe, random_directions, seen_under
+from bsdf_probes import (
+    BsdfProbe,
+    MitsubaProbe,
+    frames_along,
+    random_directions,
+    seen_under,
+)
 from chi_square import assert_follows, gauss_masses, histogram
 from scene_file_samples import error_of, mitsuba_refuses, ours
 from scene_xml import props, tag
@@ -279,3 +285,17 @@ def test_flat_bumps_change_nothing_where_u_runs_along_z(inside):
         assert shown[1].mean() > 0.4
         short = path_tracer.render(renderer.load_dict(seen).description, 16)
         np.testing.assert_allclose(short.mean(), shown[1].mean(), rtol=0.1)
+
+
+def test_axes_of_a_turned_frame_are_at_right_angles():
+    """Also where x is nearly along the normal, and what is across it mostly rounding.
+
+    The frame's axes had cosines of up to 0.19 between them.
+    """
+    rng = np.random.default_rng(3)
+    normals = rng.normal(size=(3, 4096))
+    normals /= np.linalg.norm(normals, axis=0)
+    aside = rng.normal(size=normals.shape) * 10.0 ** rng.uniform(-5, 0, normals.shape[1])
+    axes = frames_along(normals, normals + aside)
+    between = np.einsum("icn,jcn->ijn", axes, axes)
+    np.testing.assert_allclose(between, np.eye(3)[..., None] + 0 * between, atol=1e-6)
