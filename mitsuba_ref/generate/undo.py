@@ -326,7 +326,7 @@ def point_to_the_sun(root: Element) -> bool:
     for sky in skies:
         for child in [child for child in sky if child.get("name") in TIMES]:
             sky.remove(child)
-        sky.append(Element("vector", name="sun_direction", value="0.5, 0.3, 0.8"))
+        sky.append(Element("vector", name="sun_direction", value="0.4, 0.3, 0.85"))
     return len(skies) > 0
 
 
