@@ -273,7 +273,7 @@ def _sample(sky, kind, light, mask, position, x, y, z):
 
 @environment_light.by(RoundedEnvironment)
 @kernel
-def _light(sky, direction, mask):
+def _light(sky, position, direction, mask):
     own = sky.own
     own_u, own_v, sine = image_point(own, direction)
     u, v = _image_point(own, direction)

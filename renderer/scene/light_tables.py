@@ -6,7 +6,7 @@ Bounds of the position, direction and power of each light of a scene, by light i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.plugins.bsdfs.kind import BsdfKind
 from renderer.plugins.lights.area import AreaLights
+from renderer.plugins.lights.envmap import EnvironmentMaps
 from renderer.plugins.lights.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.plugins.lights.kind import number_column, vector_columns
 from renderer.plugins.lights.light_tree import LightBounds, on_surface
@@ -94,6 +95,21 @@ class LightTables:
     count: int
     kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
     tables: list[Any]  # records, columns by light id
+
+    @property
+    def environment_map(self) -> EnvironmentMaps:
+        """The table of the scene's environment map."""
+        return self.tables[self._place]  # type: ignore[no-any-return]
+
+    def with_environment_map(self, sky: EnvironmentMaps) -> LightTables:
+        """Return the same lights with another one."""
+        tables = list(self.tables)
+        tables[self._place] = sky
+        return replace(self, tables=tables)
+
+    @property
+    def _place(self) -> int:
+        return [type(table) for table in self.tables].index(EnvironmentMaps)
 
 
 def light_tables(

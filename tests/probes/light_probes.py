@@ -53,7 +53,8 @@ def run_pdf_shape(kind, light, prim, position, distance, cosine, pdf):
 def run_environment_light(kind, direction, radiance, pdf):
     for i in range(0, pdf.size, 16):
         everywhere = splat_mask(True)
-        color, density = environment_light(kind.lights, load3(direction, i), everywhere)
+        wi = load3(direction, i)
+        color, density = environment_light(kind.lights, wi, wi, everywhere)
         store3(radiance, i, color)
         store_row(pdf, 0, i, density)
 

@@ -34,6 +34,13 @@ def add_emitted_light(scene, work, first, count, see_environment):
             lights.choice[0, RECORD],
             (scene.shapes, scene.primitives.shape, points, work.rays, hits, first, count),
         )
+    for kind in range(lights.methods.shape[0]):
+        if lights.methods[kind, ENVIRONMENT] != 0 and see_environment:
+            call(
+                lights.methods[kind, ENVIRONMENT],
+                lights.methods[kind, RECORD],
+                (settings, lights, points, work.rays, hits, first, count, work.radiance),
+            )
     # an int64, as kinds of BSDFs are: a constant is compiled once more
     stage, start, order = np.int64(EMIT), np.int64(0), work.order
     found = append_hits(scene, work.rays, hits, first, count, stage, order, points, start)
@@ -45,12 +52,6 @@ def add_emitted_light(scene, work, first, count, see_environment):
                 lights.methods[kind, EMISSION],
                 lights.methods[kind, RECORD],
                 (settings, lights, scene.shapes, points, found, work.radiance),
-            )
-        if lights.methods[kind, ENVIRONMENT] != 0 and see_environment:
-            call(
-                lights.methods[kind, ENVIRONMENT],
-                lights.methods[kind, RECORD],
-                (settings, lights, work.rays, hits, first, count, work.radiance),
             )
 
 
@@ -95,10 +96,10 @@ def add_emission_but_caustics(kind, settings, lights, shapes, points, count, rad
 
 @method_kernel
 def add_environment_but_caustics(
-    kind, settings, lights, rays, hits, first, count, radiance
+    kind, settings, lights, points, rays, hits, first, count, radiance
 ):
     """Do as `add_environment`; rays that have hit nothing end here."""
     for i in range(first, first + count):
         if hits.prim[i] < 0 and rays.met[rays.slot[i]] & CAUSTIC != 0:
             _blacken(rays.throughput, i)
-    add_environment(kind, settings, lights, rays, hits, first, count, radiance)
+    add_environment(kind, settings, lights, points, rays, hits, first, count, radiance)

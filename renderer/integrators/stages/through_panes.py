@@ -155,7 +155,7 @@ def _find_densities(scene, work, count):
             call(
                 methods[kind, SKY_DENSITY],
                 methods[kind, RECORD],
-                (settings, lights, rays, hits, count, density),
+                (settings, lights, work.points, rays, hits, count, density),
             )
     for i in range(met):
         density[0, order[i]] = density[1, i]

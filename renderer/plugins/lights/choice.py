@@ -38,6 +38,7 @@ from renderer.plugins.lights.importance import (
     importance_from_infinity,
     importance_of,
 )
+from renderer.plugins.lights.sky_by_place import SkyByPlace, share_at
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 
 # The share of uniform choices: each of n lights has a probability of at least this over n.
@@ -65,6 +66,7 @@ class LightChoice(NamedTuple):
     rank: NDArray[np.int32]  # (lights,) of a light, from left to right in its tree
     sides: NDArray[np.int32]  # (BSDFs,) IN_FRONT, BOTH_SIDES or ANY_NORMAL
     environment: int  # light that a ray finds which hits nothing, -1: none
+    places: SkyByPlace  # what each place sees of it
     by_pair: int  # 1: the first number of a draw chooses, 0: the fourth
     # 1: by the place alone, of points in media and on surfaces. A path that finds a light
     # behind surfaces that it went straight through still knows that of its last event.
@@ -87,11 +89,16 @@ def _unit(x):
 @kernel
 def _ask_entries(choice, receiver, given):
     """Store what each entry can give in `given`; return the sum."""
-    total = splat_f32(0.0)
+    total, places = splat_f32(0.0), choice.places
+    sky = np.int32(-1)
+    if places.levels != 0 and choice.environment >= 0:
+        sky = choice.entry[choice.environment]
     for k in range(choice.entries.size):
         node = choice.entries[k]
         if choice.at_infinity[k] != 0:
             part = importance_from_infinity(choice.nodes, node, receiver)
+            if k == sky:
+                part = part * share_at(places, receiver.position, splat_mask(True))
         else:
             part = importance_of(choice.nodes, node, receiver)
         store_row(given, 0, 16 * k, part)

@@ -66,7 +66,7 @@ def sample_constant(constants, kind, light, mask, position, x, y, z):
 
 @environment_light.by(ConstantLights)
 @kernel
-def _constant_light(constants, direction, mask):
+def _constant_light(constants, position, direction, mask):
     return column(constants.radiance, 0), splat_f32(SPHERE_PDF)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import interface, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_where
-from renderer.kernels.lanes.vectors import column, load3, select3, vec3
+from renderer.kernels.lanes.vectors import column, gather3, load3, select3, vec3
 from renderer.plugins.lights.kind import (
     STRETCH,
     LightSample,
@@ -59,24 +59,35 @@ def distant_sample(sky, wi, radiance, pdf):
 
 
 @interface
-def environment_light(lights: Any, direction: Any, mask: Any) -> Any:
+def environment_light(lights: Any, position: Any, direction: Any, mask: Any) -> Any:
     """Return the radiance that comes from directions, and the density [1/sr] of each.
 
     `lights` is the table of a kind of which a scene has one at most, the density that
-    with which `sample_light` chooses the direction.
+    with which `sample_light` chooses the direction at a position.
     """
 
 
+@kernel
+def _positions(points, rays, i, mask):
+    """Return the points that rays i to i + 15 come from, 0 for those of the camera."""
+    left = mask & (load_row(rays.pdf, 0, i) > 0.0)
+    return gather3(points.position, load_row(rays.point, 0, i), left)
+
+
 @method_kernel
-def add_environment(kind, settings, lights, rays, hits, first, count, radiance):
-    """Add the environment for the rays that have hit nothing."""
+def add_environment(kind, settings, lights, points, rays, hits, first, count, radiance):
+    """Add the environment for the rays that have hit nothing.
+
+    `points` are still those that the rays come from.
+    """
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(first, first + count, 16):
         valid = first_lanes(first + count - i)
         missed = valid & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) == 0:
             continue
-        color, light_pdf = environment_light(kind.lights, load3(rays.direction, i), missed)
+        position, direction = _positions(points, rays, i, missed), load3(rays.direction, i)
+        color, light_pdf = environment_light(kind.lights, position, direction, missed)
         pdf = load_row(rays.pdf, 0, i)
         weight = bsdf_sample_weight(settings, pdf, light_pdf * probability)
         carried = load3(rays.throughput, i) * weight * color
@@ -84,11 +95,16 @@ def add_environment(kind, settings, lights, rays, hits, first, count, radiance):
 
 
 @method_kernel
-def sky_densities(kind, settings, lights, rays, hits, count, density):
-    """Store the density [1/sr] of the light samples that go along rays that hit nothing."""
+def sky_densities(kind, settings, lights, points, rays, hits, count, density):
+    """Store the density [1/sr] of the light samples that go along rays that hit nothing.
+
+    `points` are those that the rays come from.
+    """
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(0, count, 16):
         missed = first_lanes(count - i) & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) != 0:
-            _, pdf = environment_light(kind.lights, load3(rays.direction, i), missed)
+            position = _positions(points, rays, i, missed)
+            direction = load3(rays.direction, i)
+            _, pdf = environment_light(kind.lights, position, direction, missed)
             store_where(density, 0, i, pdf * probability, missed)

@@ -33,10 +33,19 @@ from renderer.plugins.lights.environment import (
 )
 from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
+from renderer.plugins.lights.sky_by_place import (
+    NOWHERE,
+    SkyByPlace,
+    choose_part,
+    place_at,
+    ratio_at,
+)
 from renderer.plugins.sampling.hierarchical_warp import (
     Warp,
+    choose_patch_below,
     make_warp,
-    sample_warp,
+    patch_at,
+    place_in_patch,
     warp_density,
 )
 from renderer.plugins.sampling.numbers_and_warps import INV_PI, TWO_PI
@@ -67,6 +76,7 @@ class EnvironmentMaps(NamedTuple):
     to_world: NDArray[np.float32]  # (3, 3) a rotation
     to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
     warp: Warp  # chooses (u - half a texel, v)
+    places: SkyByPlace  # what each place sees of it
     distance: float  # beyond the whole scene
 
 
@@ -142,6 +152,7 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
         np.ascontiguousarray(to_world, np.float32),
         np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
         _warp_of(sky),
+        NOWHERE,
         beyond,
     )
 
@@ -226,15 +237,26 @@ def by_solid_angle(density, sine):
 @kernel
 def image_density(sky, u, v, mask):
     """Return the density in (u, v) at points of the image."""
+    return warp_density(sky.warp, *_in_warp(sky, u, v), mask)
+
+
+@kernel
+def _in_warp(sky, u, v):
+    """Return points of the image as points of the warp's square."""
     shifted = u - half_texel(sky)
-    return warp_density(sky.warp, shifted - floor(shifted), v, mask)
+    return shifted - floor(shifted), v
 
 
 @sample_light.by(EnvironmentMaps)
 @kernel
 def _sample_envmap(sky, kind, light, mask, position, x, y, z):
-    """Choose a direction in proportion to its luminance."""
-    u, v, density = sample_warp(sky.warp, x, y, mask)
+    """Choose a direction in proportion to its luminance, and to what a place sees of it."""
+    warp, places = sky.warp, sky.places
+    here = place_at(places, position, mask)
+    column, row, x, y = choose_part(places, warp, here, x, y, mask)
+    column, row, x, y = choose_patch_below(warp, places.levels, column, row, x, y, mask)
+    u, v, density = place_in_patch(warp, column, row, x, y, mask)
+    density = density * ratio_at(places, warp, here, column, row, mask)
     u = u + half_texel(sky)
     wi, sine = sphere_point(sky, u, v)
     across, down = texel_place(sky, u, v)
@@ -244,11 +266,14 @@ def _sample_envmap(sky, kind, light, mask, position, x, y, z):
 
 @environment_light.by(EnvironmentMaps)
 @kernel
-def _envmap_light(sky, direction, mask):
+def _envmap_light(sky, position, direction, mask):
     """Return the radiance and the density of directions, by their (u, v)."""
     u, v, sine = image_point(sky, direction)
     x, y = texel_place(sky, u, v)
     density = image_density(sky, u, v, mask)
+    here = place_at(sky.places, position, mask)
+    column, row, _, _ = patch_at(sky.warp, *_in_warp(sky, u, v))
+    density = density * ratio_at(sky.places, sky.warp, here, column, row, mask)
     return texel_radiance(sky, x, y, mask), by_solid_angle(density, sine)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import by_columns
 from renderer.plugins.lights.choice import MOST_ENTRIES, UNIFORM, LightChoice
 from renderer.plugins.lights.importance import LightNodes
+from renderer.plugins.lights.sky_by_place import NOWHERE
 from renderer.plugins.sampling.numbers_and_warps import MOST_BY_PAIR
 
 _ANY_WAY = (0.0, 0.0, 1.0)
@@ -243,6 +244,7 @@ def light_choice(
         rank,
         sides,
         environment,
+        NOWHERE,
         int(by_pair and len(able) <= MOST_BY_PAIR * UNIFORM),
         int(by_place),
     )

@@ -316,7 +316,7 @@ def _sample_sunsky(sky, kind, light, mask, position, x, y, z):
 
 @environment_light.by(SunSkies)
 @kernel
-def _sunsky_light(sky, direction, mask):
+def _sunsky_light(sky, position, direction, mask):
     """Return radiance and density of directions; the sun ends where Mitsuba's does."""
     local = rotated(sky.to_local, direction)
     # squares are added up as Mitsuba does it: the sun is 180 roundings of a cosine wide

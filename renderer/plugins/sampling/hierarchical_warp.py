@@ -67,13 +67,7 @@ def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
     if not (total > 0.0 and np.isfinite(nodes).all() and level.any()):
         return None
     rows, columns = patches.shape
-    levels: list[NDArray[np.float32]] = []
-    while level.size > 1:
-        level = np.pad(level, [(0, n % 2) for n in level.shape])
-        parts = [level[j::2, i::2] for j in (0, 1) for i in (0, 1)]
-        levels.insert(0, np.stack(parts))
-        level = parts[0] + parts[1] + parts[2] + parts[3]
-    levels = levels or [np.zeros((4, 0, 0), np.float32)]
+    levels = pyramid(level) or [np.zeros((4, 0, 0), np.float32)]
     counts = [part.shape[1] * part.shape[2] for part in levels]
     return Warp(
         columns,
@@ -83,6 +77,21 @@ def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
         np.cumsum([0, *counts[:-1]]).astype(np.int32),
         np.array([part.shape[2] for part in levels], np.int32),
     )
+
+
+def pyramid(level: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Return the levels (4, ..., rows, columns) of blocks over sums (..., rows, columns).
+
+    From the top down; the first axis is that of `Warp.blocks`.
+    """
+    levels: list[NDArray[np.float32]] = []
+    whole = [(0, 0)] * (level.ndim - 2)
+    while level.shape[-2:] != (1, 1):
+        level = np.pad(level, [*whole, *((0, n % 2) for n in level.shape[-2:])])
+        parts = [level[..., j::2, i::2] for j in (0, 1) for i in (0, 1)]
+        levels.insert(0, np.stack(parts))
+        level = parts[0] + parts[1] + parts[2] + parts[3]
+    return levels
 
 
 @kernel
@@ -118,40 +127,57 @@ def corners(warp, column, row, mask):
 
 
 @kernel
-def choose_patch(warp, x, y, mask):
-    """Choose patches in proportion to their sums by numbers in [0, 1).
+def descend(blocks, block, column, row, x, y, mask):
+    """Choose one part of each block by numbers in [0, 1), in proportion to its sum.
 
     Returns
     -------
     column, row, x, y
-        What is left of the numbers is even in [0, 1) again.
+        On the next level. What is left of the numbers is even in [0, 1) again.
     """
-    column, row = splat_i32(0), splat_i32(0)
-    for level in range(warp.start.size):
-        block = row * warp.across[level] + (column + warp.start[level])
-        v00, v10, v01, v11 = gather_columns(warp.blocks, 0, block, mask)
-        lower, upper = v00 + v10, v01 + v11
-        y = _clip(y) * (lower + upper)
-        second = y > lower
-        y = select(second, y - lower, y)
-        share = select(second, upper, lower)
-        left, right = select(second, v01, v00), select(second, v11, v10)
-        row = row + row + select(second, splat_i32(1), splat_i32(0))
-        x = _clip(x) * share
-        second = x > left
-        x = select(second, x - left, x)
-        part = select(second, right, left)
-        column = column + column + select(second, splat_i32(1), splat_i32(0))
-        # one division for both
-        inverse = 1.0 / (share * part)
-        y = y * (part * inverse)
-        x = x * (share * inverse)
+    v00, v10, v01, v11 = gather_columns(blocks, 0, block, mask)
+    lower, upper = v00 + v10, v01 + v11
+    y = _clip(y) * (lower + upper)
+    second = y > lower
+    y = select(second, y - lower, y)
+    share = select(second, upper, lower)
+    left, right = select(second, v01, v00), select(second, v11, v10)
+    row = row + row + select(second, splat_i32(1), splat_i32(0))
+    x = _clip(x) * share
+    second = x > left
+    x = select(second, x - left, x)
+    part = select(second, right, left)
+    column = column + column + select(second, splat_i32(1), splat_i32(0))
+    # one division for both
+    inverse = 1.0 / (share * part)
+    return column, row, x * (share * inverse), y * (part * inverse)
+
+
+@kernel
+def choose_patch(warp, x, y, mask):
+    """Choose patches in proportion to their sums by numbers in [0, 1), as `descend`."""
+    return choose_patch_below(warp, 0, splat_i32(0), splat_i32(0), x, y, mask)
+
+
+@kernel
+def choose_patch_below(warp, level, column, row, x, y, mask):
+    """Choose patches of the given blocks of a level."""
+    for k in range(level, warp.start.size):
+        block = row * warp.across[k] + (column + warp.start[k])
+        column, row, x, y = descend(warp.blocks, block, column, row, x, y, mask)
     return column, row, x, y
 
 
 @kernel
 def sample_warp(warp, x, y, mask):
-    """Map numbers in [0, 1) to points (u, v) of the unit square.
+    """Map numbers in [0, 1) to points (u, v) of the unit square, with their density."""
+    column, row, x, y = choose_patch(warp, x, y, mask)
+    return place_in_patch(warp, column, row, x, y, mask)
+
+
+@kernel
+def place_in_patch(warp, column, row, x, y, mask):
+    """Map numbers in [0, 1) to points of patches.
 
     Returns
     -------
@@ -159,7 +185,6 @@ def sample_warp(warp, x, y, mask):
         The density is NaN or 0 in the rare case that a number falls on the edge of a
         part that is never chosen.
     """
-    column, row, x, y = choose_patch(warp, x, y, mask)
     v00, v10, v01, v11 = corners(warp, column, row, mask)
     y = _linear(v00 + v10, v01 + v11, y)
     left, right = _between(v00, v01, y), _between(v10, v11, y)
@@ -170,11 +195,17 @@ def sample_warp(warp, x, y, mask):
 
 
 @kernel
-def warp_density(warp, u, v, mask):
-    """Return the density with which `sample_warp` chooses points of [0, 1]^2."""
+def patch_at(warp, u, v):
+    """Return column and row of the patches at points of [0, 1]^2, and where they are."""
     x, y = _clip(u) * np.float32(warp.columns), _clip(v) * np.float32(warp.rows)
     column = minimum(to_i32(x), splat_i32(np.int32(warp.columns - 1)))
     row = minimum(to_i32(y), splat_i32(np.int32(warp.rows - 1)))
+    return column, row, x - to_f32(column), y - to_f32(row)
+
+
+@kernel
+def warp_density(warp, u, v, mask):
+    """Return the density with which `sample_warp` chooses points of [0, 1]^2."""
+    column, row, x, y = patch_at(warp, u, v)
     v00, v10, v01, v11 = corners(warp, column, row, mask)
-    x, y = x - to_f32(column), y - to_f32(row)
     return _between(_between(v00, v10, x), _between(v01, v11, x), y)

@@ -40,6 +40,7 @@ from renderer.scene.light_properties import (
 )
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
+    EnvironmentMap,
     Integrator,
     Sampler,
 )
@@ -225,6 +226,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     if case.reduce and _may_go_through_panes(scene, plan):
         plan = dataclasses.replace(plan, through_panes=True)
         why.say("panes", "they refract light samples, which find what shines behind them")
+    if case.reduce and _may_look_for_sky(scene, plan):
+        plan = dataclasses.replace(plan, sky_by_place=True)
+        why.say("sky", "where little of it is seen, light samples go to what a place sees")
     if case.reduce and _may_look_near_lamps(scene, plan):
         plan = dataclasses.replace(plan, near_lamps=True)
         why.say(
@@ -267,6 +271,18 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
         and not plan.transparent
         and plan.max_depth > 2  # camera to surface, pane, light
         and bool(scene.shapes.pane.any())
+    )
+
+
+def _may_look_for_sky(scene: Scene, plan: Plan) -> bool:
+    """Return whether light samples follow what places see of an environment map."""
+    return (
+        plan.light_choice == "importance"
+        and plan.weigh
+        and plan.strategy == "both"
+        and not plan.kind.media
+        and not plan.transparent
+        and any(isinstance(e, EnvironmentMap) for e in scene.description.emitters)
     )
 
 

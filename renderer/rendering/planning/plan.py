@@ -154,6 +154,7 @@ class Plan(Decision):
     # A diffuse point that sees nothing else has no noise then, and no shadow ray.
     finds_sky: bool = False
     through_panes: bool = False  # panes refract light samples
+    sky_by_place: bool = False  # light samples go to the sky that a place sees
     near_lamps: bool = False  # segments in fog that pass small lamps have one more point
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()

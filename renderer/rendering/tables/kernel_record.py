@@ -29,6 +29,7 @@ from renderer.kernels.records.kernel_scene import (
     Primitives,
     Settings,
 )
+from renderer.plugins.lights.sky_by_place import NOWHERE
 from renderer.plugins.sampling.numbers_and_warps import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.plugins.shapes.registry import SHAPES
@@ -55,6 +56,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.render_mode import Variant
+from renderer.rendering.tables.seen_sky import seen_sky
 from renderer.rendering.user_kernels.check import (
     check_kernels_of_users,
     check_values_of_users,
@@ -175,18 +177,21 @@ class _SceneTables:
             pane_groups = shadow_methods(tables, accelerators_of_panes(*whole), True)
             lamp_groups = group_methods(tables, accelerators_of_lamps(*whole), plan)
 
-        lights, choice = NO_LIGHTS, None
-        if lit and plan.by_importance:
-            choice = scene.once(
-                ("choice of lights", by_pair, plan.kind.media, plan.finds_sky),
-                choice_of_light,
-                scene,
-                by_pair,
-                plan.kind.media,
-                plan.finds_sky,
-            )
+        sensor = _sensor_methods(tables, scene.description.camera)
+        lights, choice, places = NO_LIGHTS, None, NOWHERE
         if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
+            if lit and plan.sky_by_place:
+                sky, through = by_kind.environment_map, plan.through_panes
+                seen = "seen sky", through
+                places = scene.once(seen, seen_sky, scene, sensor, groups, sky, through)
+                by_kind = by_kind.with_environment_map(sky._replace(places=places))
+            if lit and plan.by_importance:
+                how = by_pair, plan.kind.media, plan.finds_sky
+                choice = scene.once(
+                    ("choice of lights", *how), choice_of_light, scene, *how
+                )
+                choice = choice and choice._replace(places=places)
             lights = light_methods(
                 tables,
                 variant.lights(scene, by_kind),
@@ -224,7 +229,7 @@ class _SceneTables:
                 lambda: derivative_methods(tables, scene, placements),
             ),
             lights,
-            _sensor_methods(tables, scene.description.camera),
+            sensor,
             _NO_METHODS,
             _hooks(tables, hooks, settings, placements),
             settings,

@@ -75,9 +75,10 @@ def light_methods(
     arriving = (*given, record_type(shapes), work.points, INT, ROWS)
     emission = (add_emission if caustics else add_emission_but_caustics, arriving, NOTHING)
     sky_kernel = add_environment if caustics else add_environment_but_caustics
-    sky = (sky_kernel, (*given, work.rays, work.hits, INT, INT, ROWS), NOTHING)
+    paths = (*given, work.points, work.rays, work.hits)
+    sky = (sky_kernel, (*paths, INT, INT, ROWS), NOTHING)
     lamp = (lamp_densities, arriving, NOTHING)
-    no_lamp = (sky_densities, (*given, work.rays, work.hits, INT, ROWS), NOTHING)
+    no_lamp = (sky_densities, (*paths, INT, ROWS), NOTHING)
     rows = []
     for k, table in enumerate(lights.tables):
         is_sampled = k in lights.kind[sampled]

@@ -179,7 +179,7 @@ def note_emission(kind, settings, lights, shapes, points, count, found):
 
 
 @method_kernel
-def note_environment(kind, settings, lights, rays, hits, first, count, found):
+def note_environment(kind, settings, lights, points, rays, hits, first, count, found):
     """Do as `add_environment`, but note what is found, with its density."""
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(first, first + count, 16):
@@ -187,7 +187,8 @@ def note_environment(kind, settings, lights, rays, hits, first, count, found):
         missed = valid & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) == 0:
             continue
-        color, pdf = environment_light(kind.lights, load3(rays.direction, i), missed)
+        direction = load3(rays.direction, i)
+        color, pdf = environment_light(kind.lights, direction, direction, missed)
         _note(found, load_row(rays.slot, 0, i), color, pdf * probability, missed)
 
 

@@ -1,0 +1,237 @@
+"""Rays that find what each place sees of an environment, before a render begins.
+
+Paths of diffuse bounces give the places: those that the camera sees, and those that light
+them. Then one ray from each cell of a grid around them looks at each part of the sky. What
+neighbouring cells and parts find is averaged.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.kernels.jit import Packed, count_of, entry_kernel, pack
+from renderer.kernels.lanes.functions import lane_index, to_f32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.records.batch import (
+    CAPACITY,
+    TILE_SIZE,
+    Tile,
+    Workspace,
+    make_workspace,
+    slot_pixel,
+)
+from renderer.kernels.records.kernel_scene import FILL_RAYS, RECORD
+from renderer.plugins.lights.envmap import EnvironmentMaps
+from renderer.plugins.lights.sky_by_place import (
+    NOWHERE,
+    Cells,
+    Floats,
+    SkyByPlace,
+    parts_of_sky,
+    sky_by_place,
+)
+from renderer.scene.scene import Scene
+
+MOST_SEEN = 0.25
+"""Of what the sky gives. Where more of it is seen, such samples would gain little."""
+_PATHS, _BOUNCES = 4 * CAPACITY, 3
+_MOST_CELLS = 1024
+_FINEST = 32  # cells along the longest side of the grid
+_FEW = 0.02  # of all places may lie outside of the grid on each side
+_BACK = np.float32(1e-4)  # of its way a ray starts before what it has met
+_MOST_PANES = 4
+
+
+class _Tracer(NamedTuple):
+    """What traces the rays."""
+
+    groups: NDArray[np.int64]  # of primitives, see `KernelScene`
+    work: Workspace
+    packed: Packed  # the same
+    see_through: NDArray[np.bool_]  # (primitives,) by id
+
+
+@entry_kernel
+def _fill(sensor, tile, work, count):
+    """Append camera rays through the places on the film that `work.film` has."""
+    for first in range(0, CAPACITY, 16):
+        x, y = slot_pixel(lane_index() + first, 0)
+        store_row(work.film, 0, first, load_row(work.film, 0, first) - to_f32(x))
+        store_row(work.film, 1, first, load_row(work.film, 1, first) - to_f32(y))
+    return count_of(
+        sensor[0, FILL_RAYS],
+        sensor[0, RECORD],
+        (tile, work.rays, work.hits, work.film, count),
+    )
+
+
+@entry_kernel
+def _trace(groups, work, count):
+    first = np.int64(0)
+    reset_hits(work.hits, first, count)
+    intersect(groups, work.rays, work.hits, first, count, False, None)
+
+
+def seen_sky(
+    scene: Scene,
+    sensor: NDArray[np.int64],
+    groups: NDArray[np.int64],
+    sky: EnvironmentMaps,
+    through_panes: bool,
+) -> SkyByPlace:
+    """Return what each place sees of an environment.
+
+    Parameters
+    ----------
+    scene : Scene
+        What blocks it.
+    sensor, groups : ndarray
+        Methods of the camera and of the primitives.
+    sky : EnvironmentMaps
+        The environment.
+    through_panes : bool
+        Panes block nothing.
+    """
+    levels, gives = parts_of_sky(sky.warp)
+    if levels == 0:
+        return NOWHERE
+    work = make_workspace(ray_capacity=_PATHS)
+    see_through = scene.shapes.pane[scene.shape] != 0
+    tracer = _Tracer(groups, work, pack(work), see_through & through_panes)
+    rng = np.random.Generator(np.random.PCG64(0))
+    places = _places(scene, sensor, tracer, rng)
+    if places.shape[1] == 0:
+        return NOWHERE
+    parts = np.flatnonzero(gives)
+    # first a look at as many parts as there are paths, as often as they are sampled
+    some = rng.choice(parts, _PATHS, p=gives.ravel()[parts])
+    looking = places[:, rng.integers(0, places.shape[1], _PATHS)]
+    if _see(tracer, looking, _towards(sky, some, rng)).mean() > MOST_SEEN:
+        return NOWHERE
+    cells, cell_of_place = _cells(places)
+    order = np.argsort(cell_of_place, kind="stable")
+    starts = np.searchsorted(cell_of_place[order], np.arange(1, cells.row.max() + 2))
+    first, number = starts[:-1], np.diff(starts)
+    seen = np.zeros((len(number), gives.size))
+    pairs = len(number) * len(parts)
+    for begin in range(0, pairs, _PATHS):
+        part, cell = np.divmod(np.arange(begin, min(begin + _PATHS, pairs)), len(number))
+        chosen = first[cell] + (rng.random(len(cell)) * number[cell]).astype(np.int64)
+        directions = _towards(sky, parts[part], rng)
+        seen[cell, parts[part]] = _see(tracer, places[:, order[chosen]], directions)
+    seen = seen.reshape(len(number), *gives.shape)
+    return sky_by_place(sky.warp, cells, _smooth(seen, cells))
+
+
+def _places(
+    scene: Scene, sensor: NDArray[np.int64], tracer: _Tracer, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return points (3, n) a little before what paths of random bounces meet."""
+    film, work = scene.description.camera.film, tracer.work
+    tile = Tile(0, 0, TILE_SIZE, TILE_SIZE, film.width)
+    count = 0
+    while count < _PATHS:
+        across, down = rng.random((2, CAPACITY), np.float32)
+        work.film[0, :CAPACITY] = film.crop_offset_x + across * film.crop_width
+        work.film[1, :CAPACITY] = film.crop_offset_y + down * film.crop_height
+        work.film[2:, :CAPACITY] = rng.random((2, CAPACITY), np.float32)
+        count = _fill(sensor, tile, tracer.packed, count)
+    rays, found = work.rays, []
+    for _ in range(_BOUNCES + 1):
+        _trace(tracer.groups, tracer.packed, count)
+        met = work.hits.prim[:count] >= 0
+        t = work.hits.t[:count][met] * (1 - _BACK)
+        at = rays.origin[:, :count][:, met] + t * rays.direction[:, :count][:, met]
+        found.append(at[:, np.isfinite(at).all(axis=0)])
+        count = found[-1].shape[1]
+        rays.origin[:, :count] = found[-1]
+        rays.direction[:, :count] = _on_sphere(rng, count)
+    return np.concatenate(found, axis=1)
+
+
+def _on_sphere(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    z, azimuth = 2.0 * rng.random(count) - 1.0, 2.0 * np.pi * rng.random(count)
+    across = np.sqrt(1.0 - z * z)
+    directions = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z])
+    return directions.astype(np.float32)
+
+
+def _cells(places: NDArray[np.float32]) -> tuple[Cells, NDArray[np.int64]]:
+    """Return a grid around most of the places, and the row of each of them."""
+    low, high = np.quantile(places.astype(np.float64), [_FEW, 1.0 - _FEW], axis=1)
+    extent = np.maximum(high - low, 1e-6 * (1.0 + np.abs(high).max()))
+    low, extent = low - 0.01 * extent, 1.02 * extent
+    for along in range(_FINEST, 0, -1):
+        width = float(extent.max()) / along
+        size = np.ceil(extent / width).astype(np.int64)
+        at = np.floor((places.T - low) / width).astype(np.int64)
+        inside = ((at >= 0) & (at < size)).all(axis=1)
+        cell = (at[:, 2] * size[1] + at[:, 1]) * size[0] + at[:, 0]
+        used = np.unique(cell[inside])
+        if len(used) <= _MOST_CELLS:
+            break
+    row = np.zeros(int(size.prod()), np.int64)
+    row[used] = 1 + np.arange(len(used))
+    return Cells(low, width, size, row), np.where(inside, row[np.where(inside, cell, 0)], 0)
+
+
+def _see(
+    tracer: _Tracer, places: NDArray[np.float32], directions: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Return whether the sky is seen from each of at most `_PATHS` places (3, n)."""
+    rays, hits = tracer.work.rays, tracer.work.hits
+    seen = np.zeros(directions.shape[1], bool)
+    waiting, origin = np.arange(len(seen)), places
+    for _ in range(_MOST_PANES):
+        n = len(waiting)
+        rays.origin[:, :n], rays.direction[:, :n] = origin, directions[:, waiting]
+        _trace(tracer.groups, tracer.packed, n)
+        prim, t = hits.prim[:n], hits.t[:n]
+        seen[waiting[prim < 0]] = True
+        on = (prim >= 0) & tracer.see_through[prim]
+        if not on.any():
+            break
+        waiting = waiting[on]
+        origin = origin[:, on] + t[on] * (1 + _BACK) * directions[:, waiting]
+    return seen
+
+
+def _towards(
+    sky: EnvironmentMaps, parts: NDArray[np.int64], rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return directions (3, n) to random points of parts of the sky, world."""
+    warp = sky.warp
+    levels, gives = parts_of_sky(warp)
+    patches = 2 ** (len(warp.start) - levels)  # of a part, along each side
+    row, column = np.divmod(parts, gives.shape[1])
+    u = np.minimum((column + rng.random(len(parts))) * patches / warp.columns, 1.0)
+    v = np.minimum((row + rng.random(len(parts))) * patches / warp.rows, 1.0)
+    azimuth, angle = 2.0 * np.pi * (u + 0.5 / sky.width), np.pi * v
+    across = np.sin(angle)
+    local = [across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)]
+    return (sky.to_world.astype(np.float64) @ np.stack(local)).astype(np.float32)
+
+
+def _smooth(seen: Floats, cells: Cells) -> Floats:
+    """Return means over neighbouring parts of the sky, then over neighbouring cells."""
+    left, right = np.roll(seen, 1, axis=2), np.roll(seen, -1, axis=2)
+    seen = 0.25 * left + 0.5 * seen + 0.25 * right
+    padded = np.pad(seen, [(0, 0), (1, 1), (0, 0)], mode="edge")
+    seen = 0.25 * padded[:, :-2] + 0.5 * seen + 0.25 * padded[:, 2:]
+    rows = cells.row.reshape(cells.size[::-1])
+    total, weight = 2.0 * seen, np.full(len(seen), 2.0)
+    around = np.pad(rows, 1)
+    for axis in range(3):
+        for step in (0, 2):
+            place = [slice(1, -1)] * 3
+            place[axis] = slice(step, step + rows.shape[axis])
+            other = around[tuple(place)]
+            both = (rows > 0) & (other > 0)
+            mine, theirs = rows[both] - 1, other[both] - 1
+            total[mine] += seen[theirs]
+            weight[mine] += 1.0
+    return total / weight[:, None, None]
