@@ -50,11 +50,10 @@ def run_pdf_shape(kind, light, prim, position, distance, cosine, pdf):
 
 
 @entry_kernel
-def run_environment_light(kind, direction, radiance, pdf):
+def run_environment_light(kind, position, direction, radiance, pdf):
     for i in range(0, pdf.size, 16):
-        everywhere = splat_mask(True)
-        wi = load3(direction, i)
-        color, density = environment_light(kind.lights, wi, wi, everywhere)
+        at, wi = load3(position, i), load3(direction, i)
+        color, density = environment_light(kind.lights, at, wi, splat_mask(True))
         store3(radiance, i, color)
         store_row(pdf, 0, i, density)
 
@@ -91,6 +90,16 @@ def light_kinds(inputs: Inputs) -> list[Packed]:
     kinds = [p for p in inputs.tables.kept if isinstance(p.record, LightKind)]
     assert [packed.record.index for packed in kinds] == list(range(len(kinds)))
     return kinds
+
+
+def environment_from(kind: Packed, position: Any, direction: Any) -> tuple[Array, Array]:
+    """Return radiance (n, 3) and density (n,) of an environment at a place, from (n, 3)."""
+    n = len(direction)
+    wi = np.pad(float32(np.asarray(direction).T), ((0, 0), (0, -n % 16)), "edge")
+    at = np.broadcast_to(np.asarray(position)[:, None], wi.shape)
+    radiance, pdf = np.empty_like(wi), np.empty(wi.shape[1], np.float32)
+    run_environment_light(kind, float32(at), wi, radiance, pdf)
+    return radiance[:, :n].T.astype(float), pdf[:n].astype(float)
 
 
 class Sampled(NamedTuple):
@@ -168,13 +177,9 @@ class LightProbe:
 
     def environment(self, name: str, direction: Any) -> tuple[Array, Array]:
         """Return radiance (n, 3) and density (n,) of an environment from (n, 3)."""
-        n = len(direction)
-        wi = np.pad(float32(np.asarray(direction).T), ((0, 0), (0, -n % 16)), "edge")
-        radiance, pdf = np.empty_like(wi), np.empty(wi.shape[1], np.float32)
         light = self.names.index(name)
         kind = light_kinds(self.inputs)[self.inputs.record.lights.kind[light]]
-        run_environment_light(kind, wi, radiance, pdf)
-        return radiance[:, :n].T.astype(float), pdf[:n].astype(float)
+        return environment_from(kind, np.zeros(3), direction)
 
     def choices(self, number: Any) -> NDArray[np.int32]:
         """Return the light that each of 16 k numbers chooses."""

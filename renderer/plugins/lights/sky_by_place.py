@@ -18,7 +18,7 @@ from renderer.kernels.lanes.functions import select, splat_f32, splat_i32, to_i3
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.plugins.sampling.hierarchical_warp import Warp, descend, pyramid
 
-UNSEEN = 0.1
+UNSEEN = 0.05
 """The share of samples that ignore what is seen: a ratio of densities is at least this."""
 MOST_PARTS = 512
 """Of the sky, of which each cell knows how much is seen; a part is 11 degrees wide then."""

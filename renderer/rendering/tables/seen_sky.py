@@ -42,7 +42,8 @@ _PATHS, _BOUNCES = 4 * CAPACITY, 3
 _MOST_CELLS = 1024
 _FINEST = 32  # cells along the longest side of the grid
 _FEW = 0.02  # of all places may lie outside of the grid on each side
-_BACK = np.float32(1e-4)  # of its way a ray starts before what it has met
+_BACK = np.float32(1e-3)  # of the usual way from the camera rays start before a surface
+_BEHIND = np.float32(1.0001)  # of its way to a pane a ray goes on from there
 _MOST_PANES = 4
 
 
@@ -140,14 +141,17 @@ def _places(
         work.film[1, :CAPACITY] = film.crop_offset_y + down * film.crop_height
         work.film[2:, :CAPACITY] = rng.random((2, CAPACITY), np.float32)
         count = _fill(sensor, tile, tracer.packed, count)
-    rays, found = work.rays, []
+    rays, found, back = work.rays, [], None
     for _ in range(_BOUNCES + 1):
         _trace(tracer.groups, tracer.packed, count)
-        met = work.hits.prim[:count] >= 0
-        t = work.hits.t[:count][met] * (1 - _BACK)
-        at = rays.origin[:, :count][:, met] + t * rays.direction[:, :count][:, met]
-        found.append(at[:, np.isfinite(at).all(axis=0)])
-        count = found[-1].shape[1]
+        met = (work.hits.prim[:count] >= 0) & np.isfinite(work.hits.t[:count])
+        t = work.hits.t[:count][met]
+        if back is None and t.size:
+            back = _BACK * np.median(t)
+        # half of the way at least: where a ray goes back into its surface at once
+        t = np.maximum(t - back, 0.5 * t) if t.size else t
+        found.append(rays.origin[:, :count][:, met] + t * rays.direction[:, :count][:, met])
+        count = t.size
         rays.origin[:, :count] = found[-1]
         rays.direction[:, :count] = _on_sphere(rng, count)
     return np.concatenate(found, axis=1)
@@ -196,7 +200,7 @@ def _see(
         if not on.any():
             break
         waiting = waiting[on]
-        origin = origin[:, on] + t[on] * (1 + _BACK) * directions[:, waiting]
+        origin = origin[:, on] + t[on] * _BEHIND * directions[:, waiting]
     return seen
 
 
