@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.jit import call, count_of, entry_kernel, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     lane_index,
     mask_bits,
@@ -154,3 +154,22 @@ def fill_rays(sensor, tile, rays, hits, film, count):
         append_row(hits.prim, 0, count, splat_i32(-1), inside)
         count += popcount(mask_bits(inside))
     return count
+
+
+@entry_kernel
+def camera_rays_through(sensor, tile, work, count):
+    """Append the rays of a tile's square to `count` others; return how many there are then.
+
+    `sensor` is its table of methods. Rows 0 and 1 of `work.film` are the places on the full
+    film that the rays go through, whatever the tile, rows 2 and 3 those on the lens.
+    """
+    film = work.film
+    for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 16):
+        x, y = slot_pixel(lane_index() + first, tile.level)
+        store_row(film, 0, first, load_row(film, 0, first) - to_f32(x + tile.x))
+        store_row(film, 1, first, load_row(film, 1, first) - to_f32(y + tile.y))
+    return count_of(
+        sensor[0, FILL_RAYS],
+        sensor[0, RECORD],
+        (tile, work.rays, work.hits, film, count),
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.camera_rays import camera_rays
-from renderer.kernels.jit import call, kernel
+from renderer.kernels.jit import call, entry_kernel, kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
@@ -48,6 +48,14 @@ def intersect(groups, rays, hits, first, count, coherent, tally):
     way = CLOSEST_COHERENT if coherent else CLOSEST
     for k in range(groups.shape[0]):
         call(groups[k, way], groups[k, RECORD], (rays, hits, first, count, tally))
+
+
+@entry_kernel
+def nearest_hits(groups, work, count):
+    """Find the nearest hits of the first `count` of `work.rays`, at any distance."""
+    first = np.int64(0)
+    reset_hits(work.hits, first, count)
+    intersect(groups, work.rays, work.hits, first, count, False, None)
 
 
 @kernel

@@ -183,8 +183,8 @@ class _SceneTables:
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             if lit and plan.sky_by_place:
                 sky, through = by_kind.environment_map, plan.through_panes
-                seen = "seen sky", through
-                places = scene.once(seen, seen_sky, scene, sensor, groups, sky, through)
+                look = scene, sensor, groups, sky, through
+                places = scene.once(("seen sky", through), seen_sky, *look)
                 by_kind = by_kind.with_environment_map(sky._replace(places=places))
             if lit and plan.by_importance:
                 how = by_pair, plan.kind.media, plan.finds_sky

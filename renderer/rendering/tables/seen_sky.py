@@ -12,19 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.stages.intersect import intersect, reset_hits
-from renderer.kernels.jit import Packed, count_of, entry_kernel, pack
-from renderer.kernels.lanes.functions import lane_index, to_f32
-from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.integrators.stages.camera_rays import camera_rays_through
+from renderer.integrators.stages.intersect import nearest_hits
+from renderer.kernels.jit import Packed, pack
 from renderer.kernels.records.batch import (
     CAPACITY,
     TILE_SIZE,
     Tile,
     Workspace,
     make_workspace,
-    slot_pixel,
 )
-from renderer.kernels.records.kernel_scene import FILL_RAYS, RECORD
 from renderer.plugins.lights.envmap import EnvironmentMaps
 from renderer.plugins.lights.sky_by_place import (
     NOWHERE,
@@ -54,27 +51,6 @@ class _Tracer(NamedTuple):
     work: Workspace
     packed: Packed  # the same
     see_through: NDArray[np.bool_]  # (primitives,) by id
-
-
-@entry_kernel
-def _fill(sensor, tile, work, count):
-    """Append camera rays through the places on the film that `work.film` has."""
-    for first in range(0, CAPACITY, 16):
-        x, y = slot_pixel(lane_index() + first, 0)
-        store_row(work.film, 0, first, load_row(work.film, 0, first) - to_f32(x))
-        store_row(work.film, 1, first, load_row(work.film, 1, first) - to_f32(y))
-    return count_of(
-        sensor[0, FILL_RAYS],
-        sensor[0, RECORD],
-        (tile, work.rays, work.hits, work.film, count),
-    )
-
-
-@entry_kernel
-def _trace(groups, work, count):
-    first = np.int64(0)
-    reset_hits(work.hits, first, count)
-    intersect(groups, work.rays, work.hits, first, count, False, None)
 
 
 def seen_sky(
@@ -140,18 +116,19 @@ def _places(
         work.film[0, :CAPACITY] = film.crop_offset_x + across * film.crop_width
         work.film[1, :CAPACITY] = film.crop_offset_y + down * film.crop_height
         work.film[2:, :CAPACITY] = rng.random((2, CAPACITY), np.float32)
-        count = _fill(sensor, tile, tracer.packed, count)
-    rays, found, back = work.rays, [], None
+        count = camera_rays_through(sensor, tile, tracer.packed, count)
+    rays, back = work.rays, np.float32(0.0)
+    found: list[NDArray[np.float32]] = []
     for _ in range(_BOUNCES + 1):
-        _trace(tracer.groups, tracer.packed, count)
+        nearest_hits(tracer.groups, tracer.packed, count)
         met = (work.hits.prim[:count] >= 0) & np.isfinite(work.hits.t[:count])
         t = work.hits.t[:count][met]
-        if back is None and t.size:
+        if not found and t.size:
             back = _BACK * np.median(t)
         # half of the way at least: where a ray goes back into its surface at once
-        t = np.maximum(t - back, 0.5 * t) if t.size else t
+        t = np.maximum(t - back, np.float32(0.5) * t)
         found.append(rays.origin[:, :count][:, met] + t * rays.direction[:, :count][:, met])
-        count = t.size
+        count = len(t)
         rays.origin[:, :count] = found[-1]
         rays.direction[:, :count] = _on_sphere(rng, count)
     return np.concatenate(found, axis=1)
@@ -193,7 +170,7 @@ def _see(
     for _ in range(_MOST_PANES):
         n = len(waiting)
         rays.origin[:, :n], rays.direction[:, :n] = origin, directions[:, waiting]
-        _trace(tracer.groups, tracer.packed, n)
+        nearest_hits(tracer.groups, tracer.packed, n)
         prim, t = hits.prim[:n], hits.t[:n]
         seen[waiting[prim < 0]] = True
         on = (prim >= 0) & tracer.see_through[prim]
@@ -216,8 +193,10 @@ def _towards(
     v = np.minimum((row + rng.random(len(parts))) * patches / warp.rows, 1.0)
     azimuth, angle = 2.0 * np.pi * (u + 0.5 / sky.width), np.pi * v
     across = np.sin(angle)
-    local = [across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)]
-    return (sky.to_world.astype(np.float64) @ np.stack(local)).astype(np.float32)
+    local = across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)
+    # no `@`, whose last bits depend on the processor
+    axes = sky.to_world.astype(np.float64).T[..., None]
+    return sum(a * x for a, x in zip(axes, local, strict=True)).astype(np.float32)
 
 
 def _smooth(seen: Floats, cells: Cells) -> Floats:
