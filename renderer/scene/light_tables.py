@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.plugins.bsdfs.kind import BsdfKind
 from renderer.plugins.lights.area import AreaLights
-from renderer.plugins.lights.envmap import EnvironmentMaps
+from renderer.plugins.lights.environment import environment_light
 from renderer.plugins.lights.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.plugins.lights.kind import number_column, vector_columns
 from renderer.plugins.lights.light_tree import LightBounds, on_surface
@@ -97,19 +97,14 @@ class LightTables:
     tables: list[Any]  # records, columns by light id
 
     @property
-    def environment_map(self) -> EnvironmentMaps:
-        """The table of the scene's environment map."""
-        return self.tables[self._place]  # type: ignore[no-any-return]
+    def kind_of_sky(self) -> int:
+        """Place of the environment in `tables`."""
+        return [environment_light.has(type(table)) for table in self.tables].index(True)
 
-    def with_environment_map(self, sky: EnvironmentMaps) -> LightTables:
-        """Return the same lights with another one."""
-        tables = list(self.tables)
-        tables[self._place] = sky
+    def with_table(self, kind: int, table: Any) -> LightTables:
+        """Return the same lights with another table of a kind."""
+        tables = [*self.tables[:kind], table, *self.tables[kind + 1 :]]
         return replace(self, tables=tables)
-
-    @property
-    def _place(self) -> int:
-        return [type(table) for table in self.tables].index(EnvironmentMaps)
 
 
 def light_tables(

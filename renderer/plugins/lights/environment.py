@@ -68,8 +68,11 @@ def environment_light(lights: Any, position: Any, direction: Any, mask: Any) -> 
 
 
 @kernel
-def _positions(points, rays, i, mask):
-    """Return the points that rays i to i + 15 come from, 0 for those of the camera."""
+def points_left(points, rays, i, mask):
+    """Return the points that rays i to i + 15 have left; 0 where their density is 0.
+
+    Rays of the camera, mirrors and glass have none: no light sample goes their way.
+    """
     left = mask & (load_row(rays.pdf, 0, i) > 0.0)
     return gather3(points.position, load_row(rays.point, 0, i), left)
 
@@ -86,7 +89,7 @@ def add_environment(kind, settings, lights, points, rays, hits, first, count, ra
         missed = valid & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) == 0:
             continue
-        position, direction = _positions(points, rays, i, missed), load3(rays.direction, i)
+        position, direction = points_left(points, rays, i, missed), load3(rays.direction, i)
         color, light_pdf = environment_light(kind.lights, position, direction, missed)
         pdf = load_row(rays.pdf, 0, i)
         weight = bsdf_sample_weight(settings, pdf, light_pdf * probability)
@@ -104,7 +107,7 @@ def sky_densities(kind, settings, lights, points, rays, hits, count, density):
     for i in range(0, count, 16):
         missed = first_lanes(count - i) & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) != 0:
-            position = _positions(points, rays, i, missed)
+            position = points_left(points, rays, i, missed)
             direction = load3(rays.direction, i)
             _, pdf = environment_light(kind.lights, position, direction, missed)
             store_where(density, 0, i, pdf * probability, missed)

@@ -35,17 +35,17 @@ from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
 from renderer.plugins.lights.sky_by_place import (
     NOWHERE,
+    Cells,
+    Floats,
     SkyByPlace,
-    choose_part,
-    place_at,
-    ratio_at,
+    density_by_place,
+    in_world,
+    sample_by_place,
+    sky_by_place,
 )
 from renderer.plugins.sampling.hierarchical_warp import (
     Warp,
-    choose_patch_below,
     make_warp,
-    patch_at,
-    place_in_patch,
     warp_density,
 )
 from renderer.plugins.sampling.numbers_and_warps import INV_PI, TWO_PI
@@ -78,6 +78,21 @@ class EnvironmentMaps(NamedTuple):
     warp: Warp  # chooses (u - half a texel, v)
     places: SkyByPlace  # what each place sees of it
     distance: float  # beyond the whole scene
+
+    @property
+    def sun_direction(self) -> None:
+        """None: the warp knows of a sun in the image."""
+
+    def directions(self, u: Floats, v: Floats) -> Floats:
+        """Return the directions (3, n) of points of the warp's square, world."""
+        azimuth, angle = 2.0 * np.pi * (u + 0.5 / self.width), np.pi * v
+        across = np.sin(angle)
+        local = across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)
+        return in_world(self.to_world, local)
+
+    def with_places(self, cells: Cells, seen: Floats, sun: Floats) -> EnvironmentMaps:
+        """Return the same, of which places see what is given (`sky_by_place`)."""
+        return self._replace(places=sky_by_place(self.warp, cells, seen, 0.0, 1.0))
 
 
 def read(properties: Any) -> EnvironmentMap:
@@ -251,12 +266,7 @@ def _in_warp(sky, u, v):
 @kernel
 def _sample_envmap(sky, kind, light, mask, position, x, y, z):
     """Choose a direction in proportion to its luminance, and to what a place sees of it."""
-    warp, places = sky.warp, sky.places
-    here = place_at(places, position, mask)
-    column, row, x, y = choose_part(places, warp, here, x, y, mask)
-    column, row, x, y = choose_patch_below(warp, places.levels, column, row, x, y, mask)
-    u, v, density = place_in_patch(warp, column, row, x, y, mask)
-    density = density * ratio_at(places, warp, here, column, row, mask)
+    u, v, density = sample_by_place(sky.places, sky.warp, position, x, y, mask)
     u = u + half_texel(sky)
     wi, sine = sphere_point(sky, u, v)
     across, down = texel_place(sky, u, v)
@@ -270,10 +280,8 @@ def _envmap_light(sky, position, direction, mask):
     """Return the radiance and the density of directions, by their (u, v)."""
     u, v, sine = image_point(sky, direction)
     x, y = texel_place(sky, u, v)
-    density = image_density(sky, u, v, mask)
-    here = place_at(sky.places, position, mask)
-    column, row, _, _ = patch_at(sky.warp, *_in_warp(sky, u, v))
-    density = density * ratio_at(sky.places, sky.warp, here, column, row, mask)
+    u, v = _in_warp(sky, u, v)
+    density = density_by_place(sky.places, sky.warp, position, u, v, mask)
     return texel_radiance(sky, x, y, mask), by_solid_angle(density, sine)
 
 

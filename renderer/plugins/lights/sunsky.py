@@ -51,6 +51,17 @@ from renderer.plugins.lights.environment import (
 )
 from renderer.plugins.lights.kind import LightPlugin, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
+from renderer.plugins.lights.sky_by_place import (
+    NOWHERE,
+    Cells,
+    Floats,
+    SkyByPlace,
+    density_by_place,
+    in_world,
+    sample_by_place,
+    sky_by_place,
+    sky_share_at,
+)
 from renderer.plugins.lights.sky_model import (
     SkyWarp,
     half_cosine,
@@ -58,12 +69,14 @@ from renderer.plugins.lights.sky_model import (
     sky_warp,
 )
 from renderer.plugins.lights.sun_position import read_sun_direction
+from renderer.plugins.sampling.hierarchical_warp import Warp, make_warp
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI, square_to_disk
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import SunSky
 
 _HALF_PI = np.float32(0.5 * np.pi)
 _ROOT_2 = np.float32(np.sqrt(2.0))
+_BY_SOLID_ANGLE = np.float32(1.0 / np.pi**2)  # du dv = pi^2 sin dw, of the upper half
 _LEAST = np.float32(2.0**-24)  # of a probability that is turned into a deviation
 _SEGMENTS = 45  # of the sun's elevation
 _LAST = np.int32(_SEGMENTS - 1)
@@ -120,10 +133,31 @@ class SunSkies(NamedTuple):
     share: float  # of samples that go to the sky
     sky_density: float  # of them, in all densities; 0 if the sun is below the horizon
     sun_density: float  # [1/sr] of samples of the sun; 0 likewise
-    warp: SkyWarp
+    lobes: SkyWarp
+    # (u, v) of the upper half: azimuth / 2 pi, angle to the zenith / (pi / 2); as `lobes`,
+    # for samples by place
+    warp: Warp
+    places: SkyByPlace  # what each place sees of it
     to_world: NDArray[np.float32]  # (3, 3) a rotation
     to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
     distance: float  # beyond the whole scene
+
+    def directions(self, u: Floats, v: Floats) -> Floats:
+        """Return the directions (3, n) of points of the warp's square, world."""
+        azimuth, angle = 2.0 * np.pi * u, 0.5 * np.pi * v
+        across = np.sin(angle)
+        local = across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)
+        return in_world(self.to_world, local)
+
+    @property
+    def sun_direction(self) -> Floats | None:
+        """Towards the sun, (3, 1) world; None if it gives nothing."""
+        shines = self.sun_density > 0.0 and self.share < 1.0
+        return in_world(self.to_world, self.sun.astype(np.float64)) if shines else None
+
+    def with_places(self, cells: Cells, seen: Floats, sun: Floats) -> SunSkies:
+        """Return the same, of which places see what is given (`sky_by_place`)."""
+        return self._replace(places=sky_by_place(self.warp, cells, seen, sun, self.share))
 
 
 def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
@@ -132,7 +166,8 @@ def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
     sky = make_sky(light)
     rows = np.concatenate([sky.parameters, sky.radiance[None]]).reshape(-1, 1)
     height = 1.0 - sky.cosine
-    to_world = light.to_world[:3, :3]
+    rotation = light.to_world[:3, :3]
+    lobes = sky_warp(sky.warp, math.atan2(sky.sun[1], sky.sun[0]))
     return SunSkies(
         np.ascontiguousarray(rows, np.float32),
         np.ascontiguousarray(sky.sun[:, None], np.float32),
@@ -145,11 +180,26 @@ def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
         sky.share,
         sky.share if sky.risen else 0.0,
         (1.0 - sky.share) / (2.0 * math.pi * height) if sky.risen else 0.0,
-        sky_warp(sky.warp, math.atan2(sky.sun[1], sky.sun[0])),
-        np.ascontiguousarray(to_world, np.float32),
-        np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
+        lobes,
+        _warp_of(lobes),
+        NOWHERE,
+        np.ascontiguousarray(rotation, np.float32),
+        np.ascontiguousarray(np.linalg.inv(rotation), np.float32),
         beyond,
     )
+
+
+def _warp_of(lobes: SkyWarp) -> Warp:
+    """Return nearly the density of `_in_sky`, by pieces."""
+    v, u = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.0, 1.0, 65), indexing="ij")
+    c = np.cos(0.5 * np.pi * v)
+    away = (2.0 * np.pi * u - lobes.azimuth + np.pi) % (2.0 * np.pi) - np.pi
+    a, b = (c - lobes.mean) / lobes.spread_c, away / lobes.spread_azimuth
+    peak = lobes.peak_density * np.exp(-0.5 * (a * a + b * b))
+    density = lobes.rest_density * (1.0 + c * c * lobes.rest_slope) ** -1.5 + peak
+    warp = make_warp((density * np.sin(0.5 * np.pi * v)).astype(np.float32))
+    assert warp is not None
+    return warp
 
 
 def bounds(light: SunSky) -> LightBounds:
@@ -222,8 +272,8 @@ def _of_limb(sky, c, chord2, mask):
 
 
 @kernel
-def _look_up(sky, local, in_sun, mask):
-    """Return the radiance from local directions, and the density [1/sr] of each.
+def _look_up(sky, position, local, in_sun, mask):
+    """Return the radiance from local directions, and their density [1/sr] at positions.
 
     `in_sun` is set where a direction was chosen in the sun, whatever its rounding says.
     """
@@ -238,8 +288,18 @@ def _look_up(sky, local, in_sun, mask):
     if sky.has_limb != 0 and mask_bits(in_sun & mask) != 0:
         disk = _of_limb(sky, c, chord2, in_sun & mask)
     radiance = _of_sky(sky, c, chord2) + select3(in_sun, disk, black)
-    density = _sky_density(sky.warp, local) * np.float32(sky.sky_density)
-    density = density + select(in_sun, splat_f32(np.float32(sky.sun_density)), zero)
+    sky_density = np.float32(sky.sky_density)
+    sun_density = splat_f32(np.float32(sky.sun_density))
+    if sky.places.levels == 0:
+        density = _sky_density(sky.lobes, local) * sky_density
+    else:
+        share = sky_share_at(sky.places, position, mask)
+        others = np.float32(1.0) - np.float32(sky.share)
+        of_sun = (1.0 - share) * np.float32(1.0 / max(others, np.float32(1e-30)))
+        sun_density = sun_density * of_sun
+        density = _density_by_place(sky, position, local, mask) * share
+        density = select(splat_mask(sky_density > 0.0), density, zero)
+    density = density + select(in_sun, sun_density, zero)
     return select3(above, radiance, black), select(above, density, zero)
 
 
@@ -260,6 +320,26 @@ def _sky_density(warp, local):
     b = azimuth * np.float32(1.0 / warp.spread_azimuth)
     peak = np.float32(warp.peak_density) * exp(-0.5 * (a * a + b * b))
     return rest + peak
+
+
+@kernel
+def _density_by_place(sky, position, local, mask):
+    """Return the density [1/sr] of `_in_sky_by_place`, above the horizon."""
+    azimuth = arctan2(local.y, local.x) * np.float32(1.0 / TWO_PI)
+    u = select(azimuth < 0.0, azimuth + 1.0, azimuth)
+    v = arccos(local.z) * (np.float32(1.0) / _HALF_PI)
+    density = density_by_place(sky.places, sky.warp, position, u, v, mask)
+    sine = sqrt(local.x * local.x + local.y * local.y)
+    return density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_LEAST)))
+
+
+@kernel
+def _in_sky_by_place(sky, position, x, y, mask):
+    """Return a local direction above the horizon that a place sees."""
+    u, v, _ = sample_by_place(sky.places, sky.warp, position, x, y, mask)
+    sine, c = sincos(v * _HALF_PI)
+    across, along = sincos(u * TWO_PI)
+    return vec3(sine * along, sine * across, c)
 
 
 @kernel
@@ -306,11 +386,17 @@ def _in_sun(sky, x, y):
 @kernel
 def _sample_sunsky(sky, kind, light, mask, position, x, y, z):
     """Choose the sky or the sun, and a direction there."""
-    share = splat_f32(np.float32(sky.share))
+    share, by_place = splat_f32(np.float32(sky.share)), sky.places.levels != 0
+    if by_place:
+        share = sky_share_at(sky.places, position, mask)
     of_sky = x < share
     x = select(of_sky, x / share, (x - share) / (1.0 - share))
-    local = select3(of_sky, _in_sky(sky.warp, x, y), _in_sun(sky, x, y))
-    radiance, pdf = _look_up(sky, local, ~of_sky, mask)
+    if by_place:
+        in_sky = _in_sky_by_place(sky, position, x, y, mask)
+    else:
+        in_sky = _in_sky(sky.lobes, x, y)
+    local = select3(of_sky, in_sky, _in_sun(sky, x, y))
+    radiance, pdf = _look_up(sky, position, local, ~of_sky, mask)
     return distant_sample(sky, rotated(sky.to_world, local), radiance, pdf)
 
 
@@ -321,7 +407,7 @@ def _sunsky_light(sky, position, direction, mask):
     local = rotated(sky.to_local, direction)
     # squares are added up as Mitsuba does it: the sun is 180 roundings of a cosine wide
     scale = 1.0 / sqrt((local.x * local.x + local.z * local.z) + local.y * local.y)
-    return _look_up(sky, local * scale, splat_mask(False), mask)
+    return _look_up(sky, position, local * scale, splat_mask(False), mask)
 
 
 SUNSKY = LightPlugin(

@@ -43,6 +43,7 @@ from renderer.scene_file.description import (
     EnvironmentMap,
     Integrator,
     Sampler,
+    SunSky,
 )
 from renderer.scene_file.objects.films import round_sample_count
 
@@ -275,14 +276,14 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
 
 
 def _may_look_for_sky(scene: Scene, plan: Plan) -> bool:
-    """Return whether light samples follow what places see of an environment map."""
+    """Return whether light samples follow what places see of an environment."""
     return (
         plan.light_choice == "importance"
         and plan.weigh
         and plan.strategy == "both"
         and not plan.kind.media
         and not plan.transparent
-        and any(isinstance(e, EnvironmentMap) for e in scene.description.emitters)
+        and any(isinstance(e, EnvironmentMap | SunSky) for e in scene.description.emitters)
     )
 
 

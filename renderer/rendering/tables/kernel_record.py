@@ -182,10 +182,10 @@ class _SceneTables:
         if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             if lit and plan.sky_by_place:
-                sky, through = by_kind.environment_map, plan.through_panes
-                look = scene, sensor, groups, sky, through
-                places = scene.once(("seen sky", through), seen_sky, *look)
-                by_kind = by_kind.with_environment_map(sky._replace(places=places))
+                k, through = by_kind.kind_of_sky, plan.through_panes
+                look = scene, sensor, groups, by_kind.tables[k], through
+                sky = scene.once(("seen sky", through), seen_sky, *look)
+                by_kind, places = by_kind.with_table(k, sky), sky.places
             if lit and plan.by_importance:
                 how = by_pair, plan.kind.media, plan.finds_sky
                 choice = scene.once(

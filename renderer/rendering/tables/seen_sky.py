@@ -7,7 +7,7 @@ neighbouring cells and parts find is averaged.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,8 @@ from renderer.kernels.records.batch import (
     make_workspace,
 )
 from renderer.plugins.lights.envmap import EnvironmentMaps
-from renderer.plugins.lights.sky_by_place import (
-    NOWHERE,
-    Cells,
-    Floats,
-    SkyByPlace,
-    parts_of_sky,
-    sky_by_place,
-)
+from renderer.plugins.lights.sky_by_place import Cells, Floats, parts_of_sky
+from renderer.plugins.lights.sunsky import SunSkies
 from renderer.scene.scene import Scene
 
 MOST_SEEN = 0.25
@@ -42,6 +36,9 @@ _FEW = 0.02  # of all places may lie outside of the grid on each side
 _BACK = np.float32(1e-3)  # of the usual way from the camera rays start before a surface
 _BEHIND = np.float32(1.0001)  # of its way to a pane a ray goes on from there
 _MOST_PANES = 4
+_RAYS_TO_SUN = 8
+
+Sky = EnvironmentMaps | SunSkies
 
 
 class _Tracer(NamedTuple):
@@ -57,10 +54,10 @@ def seen_sky(
     scene: Scene,
     sensor: NDArray[np.int64],
     groups: NDArray[np.int64],
-    sky: EnvironmentMaps,
+    sky: Sky,
     through_panes: bool,
-) -> SkyByPlace:
-    """Return what each place sees of an environment.
+) -> Sky:
+    """Return an environment with what each place sees of it.
 
     Parameters
     ----------
@@ -68,40 +65,58 @@ def seen_sky(
         What blocks it.
     sensor, groups : ndarray
         Methods of the camera and of the primitives.
-    sky : EnvironmentMaps
+    sky : EnvironmentMaps or SunSkies
         The environment.
     through_panes : bool
         Panes block nothing.
     """
     levels, gives = parts_of_sky(sky.warp)
     if levels == 0:
-        return NOWHERE
+        return sky
+    patches = 2 ** (len(sky.warp.start) - levels)  # of a part, along each side
+    rng = np.random.Generator(np.random.PCG64(0))
+
+    def towards(parts: NDArray[np.int64]) -> Floats:
+        row, column = np.divmod(parts, gives.shape[1])
+        u = (column + rng.random(len(parts))) * patches / sky.warp.columns
+        v = (row + rng.random(len(parts))) * patches / sky.warp.rows
+        return sky.directions(np.minimum(u, 1.0), np.minimum(v, 1.0))
+
     work = make_workspace(ray_capacity=_PATHS)
     see_through = scene.shapes.pane[scene.shape] != 0
     tracer = _Tracer(groups, work, pack(work), see_through & through_panes)
-    rng = np.random.Generator(np.random.PCG64(0))
     places = _places(scene, sensor, tracer, rng)
     if places.shape[1] == 0:
-        return NOWHERE
+        return sky
     parts = np.flatnonzero(gives)
-    # first a look at as many parts as there are paths, as often as they are sampled
+    # first a look at parts in proportion to what they give
     some = rng.choice(parts, _PATHS, p=gives.ravel()[parts])
     looking = places[:, rng.integers(0, places.shape[1], _PATHS)]
-    if _see(tracer, looking, _towards(sky, some, rng)).mean() > MOST_SEEN:
-        return NOWHERE
+    if _see(tracer, looking, towards(some)).mean() > MOST_SEEN:
+        return sky
     cells, cell_of_place = _cells(places)
     order = np.argsort(cell_of_place, kind="stable")
     starts = np.searchsorted(cell_of_place[order], np.arange(1, cells.row.max() + 2))
     first, number = starts[:-1], np.diff(starts)
-    seen = np.zeros((len(number), gives.size))
-    pairs = len(number) * len(parts)
-    for begin in range(0, pairs, _PATHS):
-        part, cell = np.divmod(np.arange(begin, min(begin + _PATHS, pairs)), len(number))
+    every = np.arange(len(number))
+
+    def in_cells(cell: NDArray[np.int64]) -> NDArray[np.float32]:
         chosen = first[cell] + (rng.random(len(cell)) * number[cell]).astype(np.int64)
-        directions = _towards(sky, parts[part], rng)
-        seen[cell, parts[part]] = _see(tracer, places[:, order[chosen]], directions)
-    seen = seen.reshape(len(number), *gives.shape)
-    return sky_by_place(sky.warp, cells, _smooth(seen, cells))
+        return places[:, order[chosen]]
+
+    seen = np.zeros((len(every), gives.size))
+    pairs = len(every) * len(parts)
+    for begin in range(0, pairs, _PATHS):
+        part, cell = np.divmod(np.arange(begin, min(begin + _PATHS, pairs)), len(every))
+        part = parts[part]
+        seen[cell, part] = _see(tracer, in_cells(cell), towards(part))
+    sun = np.zeros(len(every))
+    if sky.sun_direction is not None:
+        to_sun = np.repeat(sky.sun_direction, len(every), axis=1)
+        looks = [_see(tracer, in_cells(every), to_sun) for _ in range(_RAYS_TO_SUN)]
+        sun = _over_cells(np.mean(looks, axis=0), cells)
+    seen = _over_parts(seen.reshape(len(every), *gives.shape), gives)
+    return sky.with_places(cells, _over_cells(seen, cells), sun)
 
 
 def _places(
@@ -121,7 +136,7 @@ def _places(
     found: list[NDArray[np.float32]] = []
     for _ in range(_BOUNCES + 1):
         nearest_hits(tracer.groups, tracer.packed, count)
-        met = (work.hits.prim[:count] >= 0) & np.isfinite(work.hits.t[:count])
+        met = work.hits.prim[:count] >= 0
         t = work.hits.t[:count][met]
         if not found and t.size:
             back = _BACK * np.median(t)
@@ -161,12 +176,16 @@ def _cells(places: NDArray[np.float32]) -> tuple[Cells, NDArray[np.int64]]:
 
 
 def _see(
-    tracer: _Tracer, places: NDArray[np.float32], directions: NDArray[np.float32]
+    tracer: _Tracer, places: NDArray[np.float32], directions: NDArray[np.floating[Any]]
 ) -> NDArray[np.bool_]:
     """Return whether the sky is seen from each of at most `_PATHS` places (3, n)."""
     rays, hits = tracer.work.rays, tracer.work.hits
     seen = np.zeros(directions.shape[1], bool)
-    waiting, origin = np.arange(len(seen)), places
+    waiting, origin, directions = (
+        np.arange(len(seen)),
+        places,
+        directions.astype(np.float32),
+    )
     for _ in range(_MOST_PANES):
         n = len(waiting)
         rays.origin[:, :n], rays.direction[:, :n] = origin, directions[:, waiting]
@@ -181,30 +200,26 @@ def _see(
     return seen
 
 
-def _towards(
-    sky: EnvironmentMaps, parts: NDArray[np.int64], rng: np.random.Generator
-) -> NDArray[np.float32]:
-    """Return directions (3, n) to random points of parts of the sky, world."""
-    warp = sky.warp
-    levels, gives = parts_of_sky(warp)
-    patches = 2 ** (len(warp.start) - levels)  # of a part, along each side
-    row, column = np.divmod(parts, gives.shape[1])
-    u = np.minimum((column + rng.random(len(parts))) * patches / warp.columns, 1.0)
-    v = np.minimum((row + rng.random(len(parts))) * patches / warp.rows, 1.0)
-    azimuth, angle = 2.0 * np.pi * (u + 0.5 / sky.width), np.pi * v
-    across = np.sin(angle)
-    local = across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)
-    # no `@`, whose last bits depend on the processor
-    axes = sky.to_world.astype(np.float64).T[..., None]
-    return sum(a * x for a, x in zip(axes, local, strict=True)).astype(np.float32)
+def _over_parts(seen: Floats, gives: Floats) -> Floats:
+    """Return means over neighbouring parts of the sky that give anything."""
+    weight = np.broadcast_to(gives > 0.0, seen.shape).astype(np.float64)
+    total = seen * weight
+    columns = int(np.flatnonzero(gives.any(axis=0)).max()) + 1  # a circle
+    for axis, size, mode in ((2, columns, "wrap"), (1, gives.shape[0], "constant")):
+        total, weight = (_blurred(x, axis, size, mode) for x in (total, weight))
+    return np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
 
 
-def _smooth(seen: Floats, cells: Cells) -> Floats:
-    """Return means over neighbouring parts of the sky, then over neighbouring cells."""
-    left, right = np.roll(seen, 1, axis=2), np.roll(seen, -1, axis=2)
-    seen = 0.25 * left + 0.5 * seen + 0.25 * right
-    padded = np.pad(seen, [(0, 0), (1, 1), (0, 0)], mode="edge")
-    seen = 0.25 * padded[:, :-2] + 0.5 * seen + 0.25 * padded[:, 2:]
+def _blurred(x: Floats, axis: int, size: int, mode: Any) -> Floats:
+    """Return means of neighbours among the first `size` along an axis, by 1, 2 and 1."""
+    x = np.moveaxis(x.copy(), axis, 0)
+    around = np.pad(x[:size], [(1, 1), (0, 0), (0, 0)], mode=mode)
+    x[:size] = 0.25 * (around[:-2] + around[2:]) + 0.5 * x[:size]
+    return np.moveaxis(x, 0, axis)
+
+
+def _over_cells(seen: Floats, cells: Cells) -> Floats:
+    """Return means over neighbouring cells; the first axis is that of the cells."""
     rows = cells.row.reshape(cells.size[::-1])
     total, weight = 2.0 * seen, np.full(len(seen), 2.0)
     around = np.pad(rows, 1)
@@ -217,4 +232,4 @@ def _smooth(seen: Floats, cells: Cells) -> Floats:
             mine, theirs = rows[both] - 1, other[both] - 1
             total[mine] += seen[theirs]
             weight[mine] += 1.0
-    return total / weight[:, None, None]
+    return total / weight.reshape(-1, *(1,) * (seen.ndim - 1))

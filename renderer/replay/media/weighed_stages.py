@@ -34,7 +34,11 @@ from renderer.plugins.bsdfs.kind import (
 )
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.lights.area import add_emission, emitted_light, shining_lights
-from renderer.plugins.lights.environment import add_environment, environment_light
+from renderer.plugins.lights.environment import (
+    add_environment,
+    environment_light,
+    points_left,
+)
 from renderer.plugins.lights.kind import add_lanes, light_probability
 from renderer.plugins.media.phase_functions import eval_phase
 from renderer.plugins.sampling.numbers_and_warps import to_local
@@ -187,8 +191,8 @@ def note_environment(kind, settings, lights, points, rays, hits, first, count, f
         missed = valid & (load_row(hits.prim, 0, i) < 0)
         if mask_bits(missed) == 0:
             continue
-        direction = load3(rays.direction, i)
-        color, pdf = environment_light(kind.lights, direction, direction, missed)
+        position, direction = points_left(points, rays, i, missed), load3(rays.direction, i)
+        color, pdf = environment_light(kind.lights, position, direction, missed)
         _note(found, load_row(rays.slot, 0, i), color, pdf * probability, missed)
 
 
