@@ -257,13 +257,14 @@ def turned() -> Floats:
     return strip(*(image.pixels for image in images))
 
 
-def behind_panes() -> Floats:
-    """Return lamps behind glass by BSDF samples alone, and by light samples, too."""
+def in_two_ways(name: str, spp: int, width: int, exposure: float) -> Floats:
+    """Return a large scene by paths as in the file, and as they are by default."""
     from reports.trials.architecture_scenes import architecture_scene
 
-    scene = renderer.load_file(architecture_scene("gallery"), width=300, height=225)
-    pictures = (renderer.render(scene, 256, integrator=name) for name in ("path", "auto"))
-    return strip(*(picture.pixels for picture in pictures))
+    path = architecture_scene(name)
+    scene = renderer.load_file(path, width=width, height=width * 3 // 4)
+    pictures = (renderer.render(scene, spp, integrator=name) for name in ("path", "auto"))
+    return strip(*(picture.pixels * exposure for picture in pictures))
 
 
 # ------------------------------------------------------------------------------ files
@@ -277,7 +278,8 @@ def everything() -> dict[str, Callable[[], Floats]]:
         "strip-work": worked,
         "strip-own-bsdf": own_bsdf,
         "strip-turned": turned,
-        "strip-panes": behind_panes,
+        "strip-panes": partial(in_two_ways, "gallery", 256, 300, 1.0),
+        "strip-windows": partial(in_two_ways, "kitchen", 64, 260, 4.0),
     }
     for path in sorted(SCENES.glob("*/scene.xml")):
         drawn[path.parent.name] = partial(scene_picture, path.parent.name)
