@@ -29,7 +29,8 @@ from renderer.plugins.sampling.hierarchical_warp import (
 )
 
 UNSEEN = 0.05
-"""The share of samples that ignore what is seen: a ratio of densities is at least this."""
+"""The share of samples that ignore what is seen: densities are at least this share of those
+without cells. With a sun it counts twice: for the sky's samples, and for its parts."""
 MOST_PARTS = 512
 """Of the sky, of which each cell knows how much is seen; a part is 11 degrees wide then."""
 
@@ -53,7 +54,7 @@ class SkyByPlace(NamedTuple):
     columns: int  # of parts
     # (rows,) irradiance relative to that of a whole sky of the same mean, at most 1
     share: NDArray[np.float32]
-    sky: NDArray[np.float32]  # (rows,) the part of the samples that the sun does not get
+    sky: NDArray[np.float32]  # (rows,) share of samples that go to the sky, not to a sun
 
 
 class Cells(NamedTuple):
@@ -78,7 +79,7 @@ NOWHERE = SkyByPlace(
     np.ones(1, np.float32),
     np.ones(1, np.float32),
 )
-"""All places see the whole sky."""
+"""There are no cells: all places sample the whole sky."""
 
 
 def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
@@ -87,7 +88,7 @@ def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
     Returns
     -------
     levels : int
-        0 if the image has a single patch.
+        At least 1; a warp has two patches or more.
     gives : ndarray of shape (rows, columns)
         Their sum is 1. Parts beyond the edge of the image give 0.
     """
@@ -95,8 +96,6 @@ def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
     levels = 0
     while levels < len(ends) and 4 * (ends[levels] - warp.start[levels]) <= MOST_PARTS:
         levels += 1
-    if levels == 0 or ends[0] == 0:
-        return 0, np.ones((1, 1))
     last = levels - 1
     across = int(warp.across[last])
     blocks = warp.blocks[:, warp.start[last] : ends[last]].astype(np.float64)
@@ -183,7 +182,7 @@ def share_at(places, position, mask):
 
 @kernel
 def sky_share_at(places, position, mask):
-    """Return the part of the samples at positions that the sun does not get."""
+    """Return the share of samples at positions that go to the sky, not to a sun."""
     return gather_row(places.sky, 0, place_at(places, position, mask), mask)
 
 

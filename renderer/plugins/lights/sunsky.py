@@ -3,6 +3,8 @@
 The sun is a cone whose directions are equally likely. The sky is chosen from two densities
 over the cosine c to the zenith and the azimuth: a normal distribution around the azimuth of
 the sun, cut off at the horizon and on the far side, and one that brightens the horizon.
+Where places see little of the sky, it is chosen from a map of nearly the same density, as
+places see it (`sky_by_place`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Rays that find what each place sees of an environment, before a render begins.
 
-Paths of diffuse bounces give the places: those that the camera sees, and those that light
-them. Then one ray from each cell of a grid around them looks at each part of the sky. What
-neighbouring cells and parts find is averaged.
+Paths that bounce in all directions give the places: those that the camera sees, and those
+that light them. Then one ray from each cell of a grid around them looks at each part of the
+sky. What neighbouring cells and parts find is averaged.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ _MOST_CELLS = 1024
 _FINEST = 32  # cells along the longest side of the grid
 _FEW = 0.02  # of all places may lie outside of the grid on each side
 _BACK = np.float32(1e-3)  # of the usual way from the camera rays start before a surface
-_BEHIND = np.float32(1.0001)  # of its way to a pane a ray goes on from there
-_MOST_PANES = 4
+# Behind a pane a ray starts this part of its way farther on, and of the coordinates there
+_BEHIND, _ROUNDING = np.float32(1e-4), np.float32(4e-7)
+_MOST_PANES = 15  # on the way of a ray
 _RAYS_TO_SUN = 8
 
 Sky = EnvironmentMaps | SunSkies
@@ -68,11 +69,9 @@ def seen_sky(
     sky : EnvironmentMaps or SunSkies
         The environment.
     through_panes : bool
-        Panes block nothing.
+        Up to `_MOST_PANES` surfaces of panes block nothing.
     """
     levels, gives = parts_of_sky(sky.warp)
-    if levels == 0:
-        return sky
     patches = 2 ** (len(sky.warp.start) - levels)  # of a part, along each side
     rng = np.random.Generator(np.random.PCG64(0))
 
@@ -159,20 +158,22 @@ def _on_sphere(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
 def _cells(places: NDArray[np.float32]) -> tuple[Cells, NDArray[np.int64]]:
     """Return a grid around most of the places, and the row of each of them."""
     low, high = np.quantile(places.astype(np.float64), [_FEW, 1.0 - _FEW], axis=1)
-    extent = np.maximum(high - low, 1e-6 * (1.0 + np.abs(high).max()))
+    extent = high - low
+    extent = np.maximum(extent, 1e-6 * max(np.abs([low, high]).max(), extent.max(), 1e-30))
     low, extent = low - 0.01 * extent, 1.02 * extent
     for along in range(_FINEST, 0, -1):
         width = float(extent.max()) / along
         size = np.ceil(extent / width).astype(np.int64)
-        at = np.floor((places.T - low) / width).astype(np.int64)
-        inside = ((at >= 0) & (at < size)).all(axis=1)
+        at = (places.T - low) / width
+        inside = ((at >= 0.0) & (at < size)).all(axis=1)
+        at = np.where(inside[:, None], at, 0.0).astype(np.int64)
         cell = (at[:, 2] * size[1] + at[:, 1]) * size[0] + at[:, 0]
         used = np.unique(cell[inside])
         if len(used) <= _MOST_CELLS:
             break
     row = np.zeros(int(size.prod()), np.int64)
     row[used] = 1 + np.arange(len(used))
-    return Cells(low, width, size, row), np.where(inside, row[np.where(inside, cell, 0)], 0)
+    return Cells(low, width, size, row), np.where(inside, row[cell], 0)
 
 
 def _see(
@@ -186,7 +187,7 @@ def _see(
         places,
         directions.astype(np.float32),
     )
-    for _ in range(_MOST_PANES):
+    for _ in range(_MOST_PANES + 1):
         n = len(waiting)
         rays.origin[:, :n], rays.direction[:, :n] = origin, directions[:, waiting]
         nearest_hits(tracer.groups, tracer.packed, n)
@@ -195,8 +196,9 @@ def _see(
         on = (prim >= 0) & tracer.see_through[prim]
         if not on.any():
             break
-        waiting = waiting[on]
-        origin = origin[:, on] + t[on] * _BEHIND * directions[:, waiting]
+        waiting, t, origin = waiting[on], t[on], origin[:, on]
+        t = t + _BEHIND * t + _ROUNDING * np.abs(origin).max(axis=0)
+        origin = origin + t * directions[:, waiting]
     return seen
 
 
