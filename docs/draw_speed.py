@@ -127,15 +127,14 @@ def circumstances(table: Table) -> str:
     """Return where and when the rows were measured, and how large the pictures are."""
     sizes = [str(row.value).split(" x ") for row in table.where(quantity="size")]
     longer = [max(map(int, size)) for size in sizes]
-    run = table.newest
-    assert run is not None
-    scenes = noisy_scenes(table)
+    runs, scenes = table.measured, noisy_scenes(table)
+    commits = _ends(run.commit[:7] for run in runs)
     samples = {one.errors[-1].at for scene in scenes for one in scene.ours}
     seeds = {row.value for row in table.where(quantity="seeds")}
     return (
         f"The other programs are {other_programs(scenes)}. Measured with {_span(seeds)} "
-        f"seeds at {_span(samples)} samples per pixel on {machine_of(run)}, commit "
-        f"{run.commit[:7]}, {run.created[:10]}. "
+        f"seeds at {_span(samples)} samples per pixel on {machine_of(runs[-1])}, by "
+        f"commits {commits}, {dates(table)}: each scene by the last that measured it. "
         f"The longer side of a picture has {_span(longer)} pixels."
     )
 
@@ -146,21 +145,32 @@ def _span(numbers: Iterable[Any]) -> str:
     return f"{found[0]}" if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
+def _ends(parts: Iterable[str]) -> str:
+    """Return the first and the last, or the one that there is."""
+    found = list(dict.fromkeys(parts))
+    return " to ".join(dict.fromkeys((found[0], found[-1])))
+
+
+def dates(table: Table) -> str:
+    """Return the first and the last day on which the rows were measured."""
+    return _ends(run.created[:10] for run in table.measured)
+
+
 def machine_of(run: Run) -> str:
     """Return the processor in words."""
     name = str(run.machine.get("cpu", "an unknown processor")).replace("(R)", "")
     return f"{run.machine.get('cores')} cores ({name})"
 
 
-def sentence(best: Efficiency, run: Run, others: str) -> str:
+def sentence(best: Efficiency, table: Table, others: str) -> str:
     """Return what the README says about the speed."""
     low, high = map(number, best.interval)
     return (
         f"Over {best.scenes} scenes lightproof is {number(best.mean)} times as fast to the "
         f"same error as the fastest of\n{others} (geometric mean; "
         f"95 % interval {low} to {high}).\nThe worst scene is "
-        f"`{best.worst_scene}` with {number(best.worst)}. Measured on {machine_of(run)}, "
-        f"{run.created[:10]}."
+        f"`{best.worst_scene}` with {number(best.worst)}. Measured on "
+        f"{machine_of(table.measured[-1])}, {dates(table)}."
     )
 
 
@@ -181,14 +191,13 @@ def filled(text: str, name: str, content: str) -> str:
 def documents(table: Table) -> dict[Path, str]:
     """Return what the chart, the page and the README are with these rows."""
     scenes = noisy_scenes(table)
-    rows, run = efficiencies(scenes), table.newest
-    assert run is not None
+    rows, others = efficiencies(scenes), other_programs(scenes)
     readme, page = (path.read_text(encoding="utf-8") for path in (README, PAGE))
     shown = f"{markdown_table(rows)}\n\n{circumstances(table)}"
     return {
         PICTURE: draw(bars_of(table)),
         PAGE: filled(page, "speed-accuracy table", shown),
-        README: filled(readme, "speed", sentence(rows[0], run, other_programs(scenes))),
+        README: filled(readme, "speed", sentence(rows[0], table, others)),
     }
 
 

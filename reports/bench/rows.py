@@ -142,11 +142,16 @@ class Table:
         return self.sentences("fault")
 
     @property
-    def newest(self) -> Run | None:
-        """The newest of the runs that measured these rows; pictures may be of others."""
+    def measured(self) -> list[Run]:
+        """The runs that measured these rows, the newest last; pictures may be of others."""
         used = {row.run for row in self.rows if row.quantity != "picture"}
         runs = [run for name, run in self.runs.items() if name in used]
-        return max(runs, key=lambda run: run.created, default=None)
+        return sorted(runs, key=lambda run: run.created)
+
+    @property
+    def newest(self) -> Run | None:
+        """The last of `measured`."""
+        return next(reversed(self.measured), None)
 
     @property
     def cores_of_other_programs(self) -> float | None:

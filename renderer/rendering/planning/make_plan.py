@@ -229,7 +229,9 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         why.say("panes", "they refract light samples, which find what shines behind them")
     if case.reduce and _may_look_for_sky(scene, plan):
         plan = dataclasses.replace(plan, sky_by_place=True)
-        why.say("sky", "where little of it is seen, light samples go to what a place sees")
+        why.say(
+            "sky", "if little of it is visible, light samples go to what is, place by place"
+        )
     if case.reduce and _may_look_near_lamps(scene, plan):
         plan = dataclasses.replace(plan, near_lamps=True)
         why.say(
