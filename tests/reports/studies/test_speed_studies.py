@@ -12,7 +12,7 @@ from reports import command
 from reports.bench.rows import Row, Table
 from reports.bench.store import Store
 from reports.bench.study import Bench, find_study
-from reports.studies import benchmark, calibration, cluster, samples_by_tile
+from reports.studies import benchmark, calibration, cluster, options
 from reports.studies.benchmark import Picture, compared
 from reports.trials import contenders
 from reports.trials.cluster_simulation import Costs
@@ -224,25 +224,28 @@ def test_a_killed_render_is_resumed_to_the_same_file(tmp_path, capsys):
     assert "gives the same file" in capsys.readouterr().out
 
 
-# --------------------------------------------------------------------- samples by tile
+# ----------------------------------------------------------------------------- options
 
 
-def test_best_division_of_samples_is_known_on_paper() -> None:
-    """Variances 1 and 9 at equal cost: 20 / (1 + 3)^2; samples go as 1 to 3."""
-    variance, cost = np.array([1.0, 9.0]), np.ones(2)
-    assert samples_by_tile.gain_at_best(variance, cost) == 1.25
-    assert samples_by_tile.gain_at_best(np.ones(2), cost) == 1.0
-    counts = samples_by_tile.second_stage(variance, cost, 40)
-    spread = 40 * samples_by_tile.SPREAD  # evenly
-    assert counts.tolist() == [round(spread + 0.8 * 20), round(spread + 0.8 * 60)]
-    windows = samples_by_tile.windows_of(20, 30, 16)
-    sizes = [(w[0].stop - w[0].start) * (w[1].stop - w[1].start) for w in windows]
-    assert sizes == [256, 224, 64, 56]
+def test_errors_of_options_are_their_variances() -> None:
+    """Noise of 0.1 and 0.2 around 2 has relative squares of 0.0025 and 0.01."""
+    rng = np.random.default_rng(7)
+    pictures = {
+        name: [2.0 + noise * rng.standard_normal((50, 50, 3)) for _ in range(3)]
+        for name, noise in {options.DEFAULT: 0.1, "noisy": 0.2}.items()
+    }
+    errors = options.squared_errors(pictures)
+    # of 22,500 squares a standard error of 1 %; the largest thousandth, left out, has 1 %
+    assert np.mean(errors[options.DEFAULT]) == pytest.approx(0.0025, rel=0.05)
+    assert np.mean(errors["noisy"]) == pytest.approx(0.01, rel=0.05)
+    seconds = {options.DEFAULT: [2.0, 2.0, 2.0], "noisy": [1.0, 1.0, 1.0]}
+    value, (low, high) = options.speed(errors, seconds, "noisy")
+    assert value == pytest.approx(0.5, rel=0.1) and low < value < high
 
 
-def test_gains_of_two_stages_are_rows() -> None:
-    table = rows_of(samples_by_tile, "grey-furnace")
-    assert [row.quantity for row in table] == ["left out"]
+def test_a_scene_without_noise_is_left_out() -> None:
+    table = rows_of(options, "many-lights", spp="1", seeds="2")
+    assert [row.value for row in table.where(quantity="left out")] == ["hardly any noise"]
 
 
 @pytest.mark.parametrize(
