@@ -64,6 +64,7 @@ def marks(series: int, name: str, hue: int | None = None, **given: Any) -> go.Sc
         name=plain(name),
         legendgroup=name,
         hovertemplate="%{hovertext}<extra></extra>",
+        cliponaxis=False,  # a mark at 0 is whole
         line={"color": colour, "dash": DASHES[hue % len(DASHES)], "width": 2},
         marker={"color": colour, "symbol": symbol, "size": 9},
         **given,
@@ -100,8 +101,9 @@ def log_axis(title: str, values: Sequence[float] = (), **given: Any) -> dict[str
     if values and max(values) < 1e3 * min(values):
         given = {"dtick": "D2", **given}
     faint = {"showgrid": True, "gridcolor": FAINT, "dtick": "D1"}
-    plain_numbers = {"type": "log", "tickformat": "~g", "minor": faint}
-    return linear_axis(title, **plain_numbers, **given)
+    large = values and min(values) >= 1.0 and max(values) >= 1e4  # 20k takes less room
+    shown = {"type": "log", "tickformat": "~s" if large else "~g", "minor": faint}
+    return linear_axis(title, **shown, **given)
 
 
 def category_axis(

@@ -12,6 +12,7 @@ from reports.bench.rows import Row, Run, Table
 from reports.bench.study import Study, page_file
 from reports.look.template import fill
 from reports.pages.scene_page import OURS, page_of
+from reports.pages.soak_page import soaked
 from reports.pages.study_page import circumstances_of
 
 SCENES = "scenes"
@@ -93,8 +94,7 @@ def index_page(tables: Mapping[str, tuple[Study, Table]], folder: Path) -> str:
         SceneCard(case, page_of(case), table.where(case=case))
         for case in table.distinct("case")
     ]
-    order = list(VERDICTS)
-    cards.sort(key=lambda card: (order.index(card.verdict), card.title))
+    cards.sort(key=lambda card: (list(VERDICTS).index(card.verdict), card.title))
     # a picture that is wrong may be fast
     timed = [card for card in cards if card.times and card.verdict == "pass"]
     times = [_times(card) for card in timed]
@@ -107,7 +107,6 @@ def index_page(tables: Mapping[str, tuple[Study, Table]], folder: Path) -> str:
         measured=len(times),
         slowest=slowest,
         run=circumstances_of(table),
-        faults=table.faults,
         studies=[
             _card(name, study, rows)
             for name, (study, rows) in tables.items()
@@ -128,6 +127,6 @@ def _card(name: str, study: Study, table: Table) -> StudyCard:
         study.sentence,
         study.verdict(table) if table else "",
         picture,
-        len(table.faults),
+        len(soaked(study, table).faults if study.goes_on else table.faults),
         table.newest,
     )

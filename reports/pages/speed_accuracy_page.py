@@ -160,6 +160,13 @@ def scene_of(table: Table) -> Scene:
     return Scene(table.rows[0].case, facts, curves)
 
 
+def verdict(table: Table) -> str:
+    """Say how many times as fast ours is at the same error."""
+    for best in efficiencies(noisy_scenes(table))[:1]:
+        return f"lightproof is {number(best.mean)} times as fast as the best peer."
+    return ""
+
+
 def efficiencies(scenes: Sequence[Scene]) -> list[Efficiency]:
     """Return our best of each scene, then each of our samplers, over all scenes.
 

@@ -137,10 +137,6 @@ def _heading(table: Table) -> str:
     return title if first.unit in OBVIOUS else f"{title} [{first.unit}]"
 
 
-def _with_seconds(label: str, table: Table) -> str:
-    return f"{label} [s]" if table.rows[0].unit == "s" else label
-
-
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
@@ -175,7 +171,7 @@ def _dots(table: Table, label: str) -> Markup | None:
     return dots_chart(
         list(lines.items()),
         Table(tuple(drawn)).distinct("contender"),
-        x_label=_with_seconds(label, table),
+        x_label=drawn[0].unit,  # the heading says the rest
         description=f"{label}, of each case, with intervals of 95 %",
         intervals={(r.case, r.contender): r.interval for r in drawn if r.interval},
         guide=1.0 if drawn[0].unit == "times" else None,
@@ -183,7 +179,7 @@ def _dots(table: Table, label: str) -> Markup | None:
 
 
 def _chart(study: Study, table: Table, label: str) -> Markup | None:
-    quantity, label = table.rows[0].quantity, _with_seconds(label, table)
+    quantity, label = table.rows[0].quantity, label + " [s]" * (table.rows[0].unit == "s")
     series = []
     for contender in table.distinct("contender"):
         points = tuple(

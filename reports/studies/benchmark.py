@@ -277,11 +277,10 @@ def verdict(table: Table) -> str:
             ends = [number(end(values), 2) for end in (min, max)]
             spread = f" ({' to '.join(ends)})" if len(values) > 1 else ""
             sentences.append(
-                f"for a {what} {name} takes {number(statistics.geometric_mean(values))} "
+                f"For a {what} {name} takes {number(statistics.geometric_mean(values))} "
                 f"times as long as lightproof{spread}"
             )
-    text = "; ".join(sentences)
-    return f"{text[:1].upper()}{text[1:]}." if text else ""
+    return ". ".join(sentences) + "." if sentences else ""
 
 
 STUDY = Study(

@@ -244,21 +244,18 @@ def verdict(table: Table) -> str:
         for case in shares.distinct("case")
     ]
     named = (
-        f"{row.case}: {row.contender} ({number(100.0 * float(row.value or 0.0), 2)} %)"
+        f"{row.contender} on {row.case} ({number(100.0 * float(row.value or 0.0), 2)} %)"
         for row in best
     )
-    return (
-        f"The share of a volume's rays that hit, at best: {'; '.join(named)}."
-        if best
-        else ""
-    )
+    text = "; ".join(named)
+    return f"Tightest, with the share of its rays that hit: {text}." if text else ""
 
 
 STUDY = Study(
     title="Bounding volumes",
     sentence="Which volume around an object lets the fewest rays through that miss it "
-    "(orange), and what does its test cost? AABB: a box along the axes, OBB: a turned box, "
-    "k-DOP: k planes.",
+    "(orange in pictures), and what does its test cost? AABB: a box along the axes, "
+    "OBB: a turned box, k-DOP: k planes.",
     advice="Take a box along the axes for what is cheap to test; a tighter volume pays "
     "where what it holds costs more than its own test.",
     minutes=1,

@@ -163,17 +163,16 @@ def verdict(table: Table) -> str:
     sentences = []
     for row in table.where(quantity=RATIO).rows[-1:]:
         if isinstance(row.value, float):
-            times = f"{row.contender}: {row.value:.3g} times the time of as many threads"
-            sentences.append(f"On this machine, {times}.")
+            times = f"{row.value:.3g} times as long as {row.contender.split()[0]} threads"
+            sentences.append(f"On this machine {row.contender} take {times}.")
     large = table.where(quantity=TRACING, contender=list(CASES)[1])
     scales = [
-        f"{row.value:.0f} % of {row.at:g} workers"
+        f"{row.value:.0f} % with {row.at:g} workers"
         for row in large.rows[1:]
         if isinstance(row.value, float)
     ]
     if scales:
-        part = ", ".join(scales)
-        sentences.append(f"Time that is tracing, on a picture of hours: {part}.")
+        sentences.append(f"Of the time of a large picture, tracing is {', '.join(scales)}.")
     return " ".join(sentences)
 
 

@@ -92,11 +92,11 @@ def verdict(table: Table) -> str:
     """Say how long the largest mesh takes."""
     rows = table.curve(quantity=TIME)
     times = (
-        f"{row.case}, {row.contender} {seconds(row.value)}"  # type: ignore[arg-type]
+        f"{row.contender} takes {seconds(row.value)} from {row.case.upper()}"  # type: ignore[arg-type]
         for row in rows
         if row.at == rows[-1].at
     )
-    return f"{rows[-1].at:,.0f} triangles: {'; '.join(times)}." if rows else ""
+    return f"A picture of {rows[-1].at:,.0f} triangles: {'; '.join(times)}." if rows else ""
 
 
 STUDY = Study(

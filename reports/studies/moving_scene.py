@@ -154,9 +154,8 @@ def verdict(table: Table) -> str:
             times.curve(case=case, contender=name) for name in ("rebuilt", "refitted")
         )
         ratios = [b.value / a.value for a, b in zip(new, fitted, strict=True)]  # type: ignore
-        worst.append(f"{case} {number(max(ratios), 2)} times")
-    text = "; ".join(worst)
-    return f"In a fitted tree a ray takes at worst as long: {text}." if text else ""
+        worst.append(f"{number(max(ratios), 2)} times with {case}")
+    return f"A fitted tree slows a ray at worst {'; '.join(worst)}." if worst else ""
 
 
 STUDY = Study(

@@ -105,7 +105,7 @@ def verdict(table: Table) -> str:
 STUDY = Study(
     title="Defects built in",
     sentence="A test that never fails proves nothing: which check sees a known defect?",
-    advice="Write a test for each defect in red: no check sees it.",
+    advice="If a row is red, no check sees its defect: write a test for it.",
     minutes=180,
     cases=tuple(MUTATIONS),
     quick_cases=tuple(MUTATIONS)[:6],

@@ -30,6 +30,7 @@ from reports.bench.study import Bench, Study
 from reports.bench.timing import Interval, median_interval
 from reports.errors import ReportError
 from reports.look.pictures import exposure_stops, tone_mapped
+from reports.pages.speed_accuracy_page import verdict
 from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
 from reports.trials.contenders import OURS
 from reports.trials.large_meshes import LARGE, written
@@ -318,5 +319,6 @@ STUDY = Study(
         "samplers": "ours, such as independent,sobol",
     },
     measure=measure,
+    verdict=verdict,
     page="reports.pages.speed_accuracy_page:speed_accuracy_page",
 )

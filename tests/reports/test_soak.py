@@ -23,6 +23,7 @@ from reports.bench.runner import Request, run_study
 from reports.bench.steps import Step, Sums, rows_of, sums_of
 from reports.bench.store import Store
 from reports.bench.study import find_study
+from reports.pages.index_page import index_page
 from reports.pages.soak_page import merged, soak_page, soaked
 from reports.studies import soak
 from reports.trials.soaking import formats, interrupts, reading_process, self_hits
@@ -504,7 +505,11 @@ def test_kept_sums_are_those_of_all_rows_of_a_run(store: Store) -> None:
     assert values == [3.0, 2.0, "a hole", "a hole"]
 
 
-def test_faults_are_open_until_the_trial_goes_on_without_them(store, monkeypatch) -> None:
+def test_faults_are_open_until_the_trial_goes_on_without_them(
+    store: Store, monkeypatch, tmp_path: Path
+) -> None:
+    """On the card of the index, too: mended faults are no alarm."""
+    (tmp_path / "soak.html").touch()
     study = replace(soak.STUDY, cases=("rays", "growth"))
     states = []
     for faults in ((), ("a <b> hole", "c"), ()):
@@ -515,6 +520,8 @@ def test_faults_are_open_until_the_trial_goes_on_without_them(store, monkeypatch
         states.append((shown.open, shown.mended))
         sign = "fail" if faults else "pass"
         assert f'class="banner {sign}"' in page
+        index = index_page({"soak": (study, table)}, tmp_path)
+        assert ("✗ 2 faults" in index) == bool(faults)
         assert f"{shown.open} faults open, {shown.mended} found and mended" in page
         assert "a <b> hole" not in page
     assert states == [(0, 0), (2, 0), (0, 2)]

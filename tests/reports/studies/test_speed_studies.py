@@ -201,8 +201,8 @@ def test_clusters_are_simulated_with_the_costs_of_this_machine(
     large = table.where(contender="4K, 4096 dear spp, 1 GB of scene")
     seconds = [row.value for row in large.curve(quantity="time")]
     assert seconds == pytest.approx([10_860, 1_162, 236], rel=0.05)
-    said = "Time that is tracing, on a picture of hours: "
-    assert cluster.verdict(table) == said + "93 % of 100 workers, 46 % of 1000 workers."
+    said = "Of the time of a large picture, tracing is "
+    assert cluster.verdict(table) == said + "93 % with 100 workers, 46 % with 1000 workers."
 
 
 @pytest.mark.slow
