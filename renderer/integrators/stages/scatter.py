@@ -46,9 +46,9 @@ def largest(color):
 def survive(settings, depth, throughput, eta, number, alive):
     """Play Russian roulette; return the surviving lanes and the compensated throughput.
 
-    The survival probability includes eta^2, which undoes the change of radiance on
-    entering glass, since it is undone on leaving. Before `roulette_depth` only paths below
-    `path.DIM` may end.
+    The factor eta^2 in the survival probability cancels the loss of radiance on entering
+    glass, which is regained on leaving. Before `roulette_depth` only paths below `path.DIM`
+    may end.
     """
     if depth < settings.dim_depth:
         return alive, throughput
