@@ -1,1 +1,1 @@
-"""Finding the nearest hit fast: brute force, and structures that agree with it."""
+"""Acceleration structures, and brute force, with which each of them must agree."""

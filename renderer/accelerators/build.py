@@ -1,4 +1,4 @@
-"""From a scene to one accelerator for each kind of primitive that it has."""
+"""Build one accelerator for each kind of primitive of a scene."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from renderer.textbook.nested_grids import build_nested_grids
 from renderer.textbook.octree import build_octree
 from renderer.textbook.uniform_grid import build_uniform_grid
 
-# name -> how it is built
+# name -> build function
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "boxes": build_boxes,
@@ -74,7 +74,7 @@ def build_accelerator(
 ) -> Any:
     """Build the accelerator `name` over the given columns of one kind of primitive.
 
-    `reach` is how far from the world's origin rays start (sum of absolute coordinates).
+    `reach` is the largest |x| + |y| + |z| of a ray origin in the world.
     """
 
     def group(columns: NDArray[np.int64]) -> Any:
@@ -85,7 +85,7 @@ def build_accelerator(
 
 
 def compile_builders(scene: Scene, name: str, rays: RayCounts = USUAL_RAYS) -> float:
-    """Compile what `build_accelerators` will need; return the seconds it took."""
+    """Compile what `build_accelerators` will call; return the seconds it took."""
     started = time.perf_counter()
     for chosen in {c.name for c in choose_structures(scene, name, rays).values()}:
         _compile_builder(chosen)
@@ -96,7 +96,7 @@ def compile_builders(scene: Scene, name: str, rays: RayCounts = USUAL_RAYS) -> f
 
 @functools.cache
 def _compile_builder(name: str) -> None:
-    """Build over one point, once in a process."""
+    """Build over a single point, once per process."""
     BUILDERS[name](_one_point(), _points)
 
 
@@ -119,16 +119,16 @@ def _points(columns: NDArray[np.int64]) -> Any:
 class Accelerators(NamedTuple):
     """The accelerators of a scene."""
 
-    by_kind: dict[str, Any]  # of each kind of primitive that the scene has
-    instances: Any  # `instances.instances.Instances`, the last to be traced; or None
+    by_kind: dict[str, Any]  # by kind of primitive, for the kinds in the scene
+    instances: Any  # `instances.instances.Instances`, traced last; or None
 
 
 class LeftOut(NamedTuple):
-    """Primitives that some rays must not see, or never meet."""
+    """Primitives that some rays must not hit, or can never hit."""
 
-    name: Any  # by which the scene keeps what is built without them
+    name: Any  # key under which the scene caches what is built without them
     mask: NDArray[np.bool_]  # (primitives,) by id
-    whole: Accelerators  # of all primitives; kinds that lose none are taken from here
+    whole: Accelerators  # of all primitives; reused for kinds that lose none
 
 
 def build_accelerators(
@@ -137,20 +137,20 @@ def build_accelerators(
     rays: RayCounts = USUAL_RAYS,
     left_out: LeftOut | None = None,
 ) -> Accelerators:
-    """Build for all kinds of primitive that the scene has, and for its instances.
+    """Build for all kinds of primitive in the scene, and for its instances.
 
-    The scene keeps what was built of it, for the next call.
+    The scene caches the result for the next call.
 
     Parameters
     ----------
     scene : Scene
         The primitives.
     name : str
-        One of `renderer.process.names.ACCELERATORS`; `auto` takes what the cost model
-        expects to be the fastest. Instances and the groups that they show have trees of
-        eight, but under `brute`, and groups of a few primitives.
+        One of `renderer.process.names.ACCELERATORS`. `auto` takes the fastest by the cost
+        model. Instances and their groups always have trees of eight, except under
+        `brute` and for groups of a few primitives.
     rays : RayCounts
-        That will be traced; for `auto`.
+        Expected numbers of rays, for `auto`.
     left_out : LeftOut, optional
         Primitives to build without. Instances are always kept.
 
@@ -192,7 +192,7 @@ def build_accelerators(
 def accelerators_of_camera(
     scene: Scene, name: str, rays: RayCounts, whole: Accelerators
 ) -> Accelerators:
-    """Return the accelerators of a camera that does not see area lights."""
+    """Return the accelerators for a camera that does not see area lights."""
     emitting = (scene.stages & EMIT) != 0
     return build_accelerators(scene, name, rays, LeftOut("emitters", emitting, whole))
 
@@ -200,7 +200,7 @@ def accelerators_of_camera(
 def accelerators_of_lamps(
     scene: Scene, name: str, rays: RayCounts, whole: Accelerators
 ) -> Accelerators:
-    """Return the accelerators of the area lights alone."""
+    """Return accelerators over the area lights only."""
     left_out = LeftOut("all but emitters", (scene.stages & EMIT) == 0, whole)
     return build_accelerators(scene, name, rays, left_out)
 
@@ -208,7 +208,7 @@ def accelerators_of_lamps(
 def accelerators_of_panes(
     scene: Scene, name: str, rays: RayCounts, whole: Accelerators
 ) -> Accelerators:
-    """Return the accelerators of the panes alone."""
+    """Return accelerators over the panes only."""
     left_out = LeftOut("all but panes", scene.shapes.pane[scene.shape] == 0, whole)
     return build_accelerators(scene, name, rays, left_out)
 
@@ -221,14 +221,14 @@ def accelerators_of_shadow_rays(
     lights: NDArray[np.int32],
     offsets: tuple[float, float],
 ) -> Accelerators:
-    """Return the accelerators of shadow rays, see `find_non_occluders`."""
+    """Return the accelerators for shadow rays, see `find_non_occluders`."""
     mask = find_non_occluders(scene, name, rays, lights, offsets)
     ids = tuple(np.flatnonzero(mask).tolist())
     return build_accelerators(scene, name, rays, LeftOut(ids, mask, whole))
 
 
 def _reach(scene: Scene) -> float:
-    """Return the largest |x| + |y| + |z| where a ray of this scene can start."""
+    """Return the largest |x| + |y| + |z| of a ray origin in this scene."""
     corner = np.abs(scene.bounds).max(axis=0)
     eye = np.abs(scene.description.camera.to_world[:3, 3])
     return float(max(corner.sum(), eye.sum()))

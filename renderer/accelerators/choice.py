@@ -1,4 +1,4 @@
-"""Which structure is expected to be the fastest: a cost model, and the choice by it."""
+"""Choose the structure of least expected time, by a cost model."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.scene import Scene
 
 # --------------------------------------------------------------------------- cost model
-# Which structure is expected to take the least time, building it and tracing all rays.
+# Expected time to build each structure and to trace all rays.
 #
 # The constants are measured: `python -m reports accelerators` on one core of an AMD EPYC
-# 9005 (docs/performance.md, "Choice of a structure"). On another machine they all shift
-# together, which changes no choice; what matters is where two lines cross.
+# 9005 (docs/performance.md, "Choice of a structure"). On another machine all of them scale
+# together, which changes no choice: only the crossing points matter.
 
-SAMPLE = 4096  # primitives that the distribution is judged by
+SAMPLE = 4096  # size of the sample for `box_dimension`
 _COARSE, _FINE = 4, 8  # cells along the longest side
 
 
 class RayCounts(NamedTuple):
-    """How many rays a render is expected to trace."""
+    """The number of rays that a render is expected to trace."""
 
-    coherent: float  # from the camera, neighbours together
-    incoherent: float  # after a reflection
-    threads: int = 2  # that trace them
+    coherent: float  # camera rays
+    incoherent: float  # rays after a bounce
+    threads: int = 2  # that trace the rays
 
 
-# if the caller gives no number: a picture of a megapixel at 16 paths a pixel
+# default: a picture of a megapixel at 16 samples per pixel
 USUAL_RAYS = RayCounts(16e6, 64e6)
 
 
 class Estimate(NamedTuple):
-    """What a structure is expected to cost, in seconds."""
+    """The expected cost of a structure, in seconds."""
 
     name: str
     build: float
@@ -46,12 +46,12 @@ class Estimate(NamedTuple):
 
     @property
     def total(self) -> float:
-        """Seconds of both."""
+        """Seconds to build and to trace."""
         return self.build + self.trace
 
 
 def estimate_all(count: int, dimension: float, rays: RayCounts) -> list[Estimate]:
-    """Return the estimates of the structures that are ever the best, the best one first.
+    """Return the estimates of all structures that can be the best, least total first.
 
     Parameters
     ----------
@@ -60,19 +60,19 @@ def estimate_all(count: int, dimension: float, rays: RayCounts) -> list[Estimate
     dimension
         From `box_dimension`.
     rays
-        That will be traced, by all threads together.
+        Expected numbers of rays, of all threads together.
     """
     found = []
     for name, model in _MODELS.items():
         build, coherent, incoherent = model(count, dimension)
         if name != "brute" and count > 2 * JOB:
-            build /= _BUILD_SPEED_UP  # all cores build, whatever number traces
+            build /= _BUILD_SPEED_UP  # a build always uses all cores
         trace = (rays.coherent * coherent + rays.incoherent * incoherent) / rays.threads
         found.append(Estimate(name, build, trace * 1e-9))
     return sorted(found, key=lambda estimate: estimate.total)
 
 
-_BUILD_SPEED_UP = 1.4  # of two cores; the first splits are made by one
+_BUILD_SPEED_UP = 1.4  # with two cores; the first splits run on one
 
 
 def _brute(count: int, dimension: float) -> tuple[float, float, float]:
@@ -96,10 +96,10 @@ _MODELS = {"brute": _brute, "wide": _wide, "bvh-median": _median}
 
 
 def _steps(count: int, dimension: float) -> float:
-    """Return what grows with the primitives in a ray's way, in ns of the wide tree.
+    """Return the part of the cost that grows with `count`, in ns of the wide tree.
 
-    A surface is met once, after a descent of log n steps. Clutter that fills space is met
-    again and again: a ray passes n^(1/3) of it.
+    A ray meets a surface once, after log n steps. In volume-filling clutter it passes
+    n^(1/3) primitives.
     """
     volume = 17.0 * count ** (1.0 / 3.0)
     surface = min(17.0 * math.log2(count + 1), volume)
@@ -108,15 +108,14 @@ def _steps(count: int, dimension: float) -> float:
 
 
 def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> float:
-    """Return whether primitives lie on surfaces (2 or less) or fill space (3).
+    """Return the box-counting dimension: up to 2 for surfaces, 3 for filled space.
 
-    By counting the occupied cells of two grids; too few primitives to tell count as a
-    surface.
+    It compares the occupied cells of two grids. Too few primitives count as a surface.
 
     Parameters
     ----------
     lower, upper
-        (3, n) corners of boxes, of a sample of `SAMPLE` or so.
+        (3, n) corners of the boxes of a sample of about `SAMPLE` primitives.
     """
     low, high = (side.astype(np.float64) for side in (lower, upper))
     centres = 0.5 * (low + high)
@@ -132,14 +131,14 @@ def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> flo
 
 
 # ------------------------------------------------------------------------------- choice
-# The structure of each kind of primitive: the requested one, or the expected fastest.
+# The structure for each kind of primitive: as requested, or the fastest expected one.
 
-_TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take
-_MOST_IN_BOXES = 1024  # above it they take longer to build, and a tree pays
+_TO_BUILD_BOXES = 2e-3  # least saving in seconds; boxes cost a fifth of it
+_MOST_IN_BOXES = 1024  # for more primitives boxes build slower and a tree pays
 
 
 class Choice(NamedTuple):
-    """A structure's name and why it was taken."""
+    """A structure's name and the reason for it."""
 
     name: str
     reason: str
@@ -148,7 +147,7 @@ class Choice(NamedTuple):
 def choose_structures(
     scene: Scene, requested: str, rays: RayCounts = USUAL_RAYS
 ) -> dict[str, Choice]:
-    """Return what to build for each kind of primitive outside of groups.
+    """Return the structure for each kind of primitive outside of groups.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ def choose_structures(
     requested
         The name of a structure, or "auto".
     rays
-        That will be traced.
+        Expected numbers of rays.
     """
     found: dict[str, Choice] = scene.recently(
         "structures", (requested, rays), _choose_structures, scene, requested, rays
@@ -184,9 +183,9 @@ def choose_structure(
     rays: RayCounts = USUAL_RAYS,
     room: NDArray[np.float64] | None = None,
 ) -> Choice:
-    """Return what to build for the first `count` primitives of one kind.
+    """Return the structure for the first `count` primitives of one kind.
 
-    `room` are the corners, (2, 3), of the box that rays fill; None: that of the primitives.
+    `room` is (2, 3), the corners of the box that rays fill; None: the primitives' box.
     """
     if not SHAPES[kind].wide and requested in ("auto", "wide"):
         return Choice("bvh", "the tree for primitives that are tested one at a time")
@@ -214,7 +213,7 @@ def choose_structure(
 
 
 def _sample(surfaces: Any, count: int) -> Any:
-    """Return at most about `SAMPLE` primitives of a record."""
+    """Return at most about `SAMPLE` primitives, evenly spaced in the record."""
     stride = -(-count // SAMPLE)
     fields = (
         field[..., :count:stride] if isinstance(field, np.ndarray) else field

@@ -1,7 +1,7 @@
-"""The kernels that trace rays through each structure; stages call them by their addresses.
+"""The traversal kernels of each structure; stages call them by address.
 
 A structure implements `traverse` (`rays.query`), and `traverse_coherent` if it has a faster
-way for rays that go nearly the same way.
+method for coherent rays.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from renderer.textbook.one_ray import trace_ray_by_ray
 
 
 class Traversals(NamedTuple):
-    """The kernels of one structure; many have no other way for coherent rays."""
+    """The kernels of one structure; without `traverse_coherent` both kinds are the same."""
 
     closest_hit_coherent: Any
     closest_hit: Any

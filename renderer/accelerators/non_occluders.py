@@ -1,12 +1,13 @@
-"""What shadow rays need not be tested against: walls, floors, lamps.
+"""Primitives that shadow rays need not be tested against: walls, floors, lamps.
 
 A shadow ray is a segment from a surface to a light. It crosses the plane of a flat
-primitive only if the two lie on different sides of it. So the walls of a room, which have
-all of it on one side, block no lamp in the room; and a flat lamp that is the only light
-blocks none of its own rays, which end in its plane.
+primitive only if its ends lie on different sides of it. So the walls of a room, which have
+the whole room on one side, block no lamp in the room. A flat lamp that is the only light
+does not block its own shadow rays, which end in its plane.
 
-Rays start a little off their surface, along its normal towards the light. That takes none
-through a wall that stands upright on it, but it might where two meet at a sharp angle.
+A ray starts slightly off its surface, along the normal towards the light. At a wall
+perpendicular to the surface this offset stays on the same side; where two surfaces meet at
+a sharp angle it might not.
 """
 
 from __future__ import annotations
@@ -26,22 +27,22 @@ from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.light_order import light_order
 from renderer.scene.scene import Scene
 
-MOST = 1024  # primitives of a kind, or lights; of more only their box is looked at
-# What corners and normals in single precision are off by, of the coordinates of both sides
+MOST = 1024  # primitives of a kind, or lights; of more only the common box is used
+# Rounding of corners and normals in single precision, relative to both sides' coordinates
 _SLACK = 4.0 * 2.0**-24
-_FAR = 16.0  # times the scene's size: coordinates whose rounding counts
-_NARROW = 1e-3  # of the largest coordinate: the plane of a needle is not well known
-_LEVEL = 1.0 - 1e-6  # cosine of the angle between planes that are one
+_FAR = 16.0  # times the scene's size: farther coordinates round too much
+_NARROW = 1e-3  # of the largest coordinate: a narrower primitive's plane is uncertain
+_LEVEL = 1.0 - 1e-6  # cosine of the angle between planes that count as parallel
 
 Lengths = tuple[float, float]  # see `Settings.rounding_offset` and `fixed_offset`
 
 
 class Balls(NamedTuple):
-    """Balls in whose hull something lies."""
+    """Balls whose convex hull contains some geometry."""
 
     centers: NDArray[np.float64]  # (3, n) world
     radii: NDArray[np.float64]  # (n,)
-    normals: NDArray[np.float64]  # (3, n) of what is flat, else 0
+    normals: NDArray[np.float64]  # (3, n) of flat primitives, else 0
 
 
 def find_non_occluders(
@@ -51,11 +52,11 @@ def find_non_occluders(
     lights: NDArray[np.int32],
     offsets: Lengths,
 ) -> NDArray[np.bool_]:
-    """Return which primitives shadow rays to some lights are not tested against.
+    """Return the mask of primitives that shadow rays to some lights need not test.
 
-    Under `auto` these are those of `never_between` that would be tested one after the
-    other: a tree hardly looks at the walls around it. A structure that is requested by
-    name leaves nothing out.
+    Under `auto` these are the primitives of `never_between` in structures that test them
+    one after the other; a tree hardly visits the walls around it. If a structure is
+    requested by name, the mask is empty.
     """
     chosen = choose_structures(scene, accel, rays)
     one_by_one = [k for k, choice in chosen.items() if choice.name in ("brute", "boxes")]
@@ -68,23 +69,23 @@ def find_non_occluders(
 def never_between(
     scene: Scene, kinds: Iterable[str], lights: NDArray[np.int32], offsets: Lengths
 ) -> NDArray[np.bool_]:
-    """Return which primitives no segment from a surface to a light can cross.
+    """Return the mask of primitives that no segment from a surface to a light can cross.
 
     Parameters
     ----------
     scene
         The surfaces.
     kinds
-        Whose primitives are in question; of more than `MOST` none is.
+        Kinds to check. If a kind has more than `MOST` primitives, none is in the mask.
     lights
         Numbers of the lights that shadow rays go to.
     offsets
-        How far off its surface a ray starts, in rounding errors, and in addition to them.
+        How far off its surface a ray starts: in rounding errors, and a fixed part.
 
     Returns
     -------
     (primitives,) bool
-        By primitive id. A primitive that is not flat may always be in the way.
+        By primitive id. False for primitives that are not flat.
     """
     found = np.zeros(len(scene.stages), bool)
     kinds = [kind for kind in kinds if 0 < scene.starts[kind][0] <= MOST]
@@ -114,7 +115,7 @@ def never_between(
 
 
 def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the least heights of triangles or parallelograms by corners (3, 4, n)."""
+    """Return the least height of triangles or parallelograms, from corners (3, 4, n)."""
     edge1, edge2 = (corners[:, k] - corners[:, 0] for k in (1, 2))
     longest = np.maximum(np.linalg.norm(edge1, axis=0), np.linalg.norm(edge2, axis=0))
     area = np.linalg.norm(np.cross(edge1, edge2, axis=0), axis=0)
@@ -124,7 +125,7 @@ def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 def _sides(walls: Balls, balls: Balls, off: float) -> tuple[Any, Any]:
     """Return how far balls reach below and above the planes of walls, (n,) each.
 
-    They begin `off` away from what they hold, along its normal.
+    Ray origins are `off` away from the balls' geometry, along its normal.
     """
     normals = walls.normals.T
     distance = normals @ balls.centers - (normals * walls.centers.T).sum(axis=1)[:, None]
@@ -133,13 +134,13 @@ def _sides(walls: Balls, balls: Balls, off: float) -> tuple[Any, Any]:
     slack = _SLACK * (np.abs(normals) @ sizes + own)
     tilt = np.abs(normals @ balls.normals)
     tilt[:, np.abs(balls.normals).max(axis=0) == 0.0] = 1.0
-    tilt[(tilt > _LEVEL) & (np.abs(distance) <= slack)] = 0.0  # a light is on its side
+    tilt[(tilt > _LEVEL) & (np.abs(distance) <= slack)] = 0.0  # offset is towards the light
     reach = balls.radii + off * tilt - slack
     return (distance - reach).min(axis=1), (distance + reach).max(axis=1)
 
 
 def _around_lights(scene: Scene, lights: NDArray[np.int32]) -> Balls | None:
-    """Return balls around all lights; None if there is none, or one is at infinity."""
+    """Return balls around all lights; None if there are none or one is at infinity."""
     order, sampled = light_order(scene.description), set(lights.tolist())
     found = []
     for kind, surfaces in scene.surfaces.items():
@@ -180,7 +181,7 @@ def _around_surfaces(scene: Scene) -> list[Balls]:
 
 
 def _around(scene: Scene, kind: str, columns: NDArray[np.int64]) -> Balls:
-    """Return balls around some primitives of a kind, first one for each of them."""
+    """Return balls around primitives of a kind; the first ball of each comes first."""
     surfaces = scene.surfaces[kind]
     if len(columns) > MOST:
         sides = [rows[:, columns] for rows in SHAPES[kind].corners(surfaces)]
@@ -196,6 +197,6 @@ def _around(scene: Scene, kind: str, columns: NDArray[np.int64]) -> Balls:
 
 
 def _corners(low: NDArray[Any], high: NDArray[Any]) -> Balls:
-    """Return the corners of a box; what is in it may be turned anyhow."""
+    """Return a box's corners as balls of radius 0; normals are unknown, hence 0."""
     points = np.array(list(product(*zip(low, high, strict=True))), np.float64).T
     return Balls(points, np.zeros(8), np.zeros((3, 8)))

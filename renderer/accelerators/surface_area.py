@@ -1,4 +1,4 @@
-"""The surface of boxes: in proportion to it, rays that meet a box meet what is inside."""
+"""Surface area of boxes: rays hit a convex body in proportion to its surface area."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from renderer.kernels.jit import kernel
 
 @kernel
 def half_area(box):
-    """Return half the surface of a box, in float64, which no box of floats overflows.
+    """Return half the surface area of a box, in float64, which does not overflow.
 
     A box is its lower corner, then its upper one.
     """

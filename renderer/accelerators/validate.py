@@ -1,6 +1,6 @@
-"""The proof of each structure, chosen by its record: that rays can miss nothing in it.
+"""Validate any structure: check that no ray can miss a primitive in it.
 
-Each structure proves itself in its own file; `validate` is the one question for all.
+The check of each structure is in its own file; `validate` selects it by the record's class.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ def validate(accel: Any, extents: Extents) -> None:
     Parameters
     ----------
     accel
-        What a builder returned.
+        The result of a builder.
     extents
-        What it was given.
+        The primitive boxes that the builder was given.
 
     Raises
     ------
     ValueError
-        If not; the message says which node or cell, and what is wrong with it.
+        Otherwise; the message says which node or cell, and what is wrong with it.
     TypeError
-        If there is no proof for such a structure.
+        If there is no check for the record's class.
     """
     proof = VALIDATORS.get(type(accel))
     if proof is None:
@@ -48,14 +48,14 @@ def validate(accel: Any, extents: Extents) -> None:
 
 
 def columns_held(primitives: Any, n: int) -> NDArray[np.int64]:
-    """Return which of the n primitives that were given each one of a group is, (n,).
+    """Return the column, (n,), of each primitive of a group.
 
-    Primitive ids rise with the columns, whatever was left out of a scene.
+    Primitive ids rise with the columns, also if primitives were left out.
 
     Raises
     ------
     ValueError
-        If a primitive is missing, or there twice.
+        If a primitive is missing or appears twice.
     """
     ids = primitives.id[: primitives.count]
     different, columns = np.unique(ids, return_inverse=True)

@@ -1,1 +1,1 @@
-"""Methods of light transport, each a loop over the stages."""
+"""Integrators: each is a loop over the stages in `integrators.stages`."""

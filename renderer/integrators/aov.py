@@ -45,7 +45,7 @@ def _read(properties: Properties) -> Integrator:
     if not aovs:
         properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
     nested = _nested(properties)
-    # AOVs show emitters; the inner integrator has its own property
+    # AOVs include emitters; the inner integrator has a `hide_emitters` of its own
     properties.boolean("hide_emitters", False)
     return Integrator(
         "aov",
@@ -82,12 +82,12 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 
 def _listed(requested: Integrator) -> tuple[tuple[str, str], ...]:
-    """Return name and kind of the AOVs; without a list all kinds, by their own names."""
+    """Return name and kind of each AOV. Without a list: every kind, under its own name."""
     return requested.aovs or tuple((kind, kind) for kind in AOV_KINDS)
 
 
 def _show(film: NDArray[Any], requested: Integrator) -> Shown:
-    """Return the AOVs by name, and as the picture the first of them.
+    """Return the AOVs by name; the first one is also the picture.
 
     With an inner integrator the picture is black: that integrator is rendered separately.
     """

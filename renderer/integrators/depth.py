@@ -1,4 +1,4 @@
-"""The distance from the camera to the first hit, as a picture in grey."""
+"""`depth`: the distance from the camera to the first hit, as a grey picture."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Direct light alone [Appel1968]: path tracing of two segments.
+"""Direct lighting [Appel1968]: paths of two segments, by next-event estimation and MIS.
 
-With several samples at each point, those of the lights come first, then those of the BSDF.
-Each estimator is divided by its number of samples, and MIS weights multiply each density by
-that number [Veach1997, section 9.2.2].
+With several samples per point, the light samples are taken before the BSDF samples. Each
+estimator is divided by its number of samples. MIS weights multiply each density by that
+number [Veach1997, section 9.2.2].
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 
-KEPT = CAPACITY + 64  # where the camera's rays are kept while others are traced
+KEPT = CAPACITY + 64  # index of the kept camera rays, behind the rays being traced
 
 
 @kernel
 def _keep(rays, hits, count):
-    """Copy `count` rays and their hits behind those that are to be scattered."""
+    """Copy the first `count` rays and their hits to index `KEPT` and after."""
     for i in range(count):
         k = KEPT + i
         for c in range(3):
@@ -44,7 +44,7 @@ def _keep(rays, hits, count):
 
 @kernel
 def _points(scene, work, count, samples):
-    """Find the surface points of the kept rays; each counts for one of so many samples."""
+    """Find the surface points of the kept rays; each gets the throughput 1 / samples."""
     share = np.float32(1.0 / samples)
     for i in range(KEPT, KEPT + count):
         for c in range(3):
@@ -54,7 +54,7 @@ def _points(scene, work, count, samples):
 
 @method_kernel
 def trace_several(scene, tile, sample, work):
-    """Add the samples of a tile's square to `work.radiance`."""
+    """Add the samples of one square of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
     count = camera_rays(scene, tile, sample, work, np.int64(0))
     if settings.max_depth < 1:
@@ -70,7 +70,7 @@ def trace_several(scene, tile, sample, work):
     for number in range(settings.light_samples):
         direct_light(scene, tile, sample, number, work)
     for number in range(settings.bsdf_samples):
-        _points(scene, work, count, settings.bsdf_samples)  # emission needs the points
+        _points(scene, work, count, settings.bsdf_samples)  # emission overwrote the points
         found = scatter(scene, tile, sample, number, work)
         reset_hits(hits, np.int64(0), found)
         intersect(scene.groups, rays, hits, np.int64(0), found, False, None)

@@ -1,7 +1,7 @@
-"""`moment`: the picture of its inner integrator, and second moments as further channels.
+"""`moment`: the picture of its inner integrator, and second moments as more channels.
 
-The channels are Mitsuba's: X, Y and Z of the colours, and the means of the squares of
-single samples under `m2_`. From both the variance of a pixel follows.
+The channels are Mitsuba's: the colours' X, Y and Z, and under `m2_` the mean of the
+squares of single samples. The variance of a pixel follows from both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from renderer.scene_file.objects.sensors import read_integrator
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element
 
-# XYZ of linear sRGB, with the digits that Mitsuba has
+# XYZ from linear sRGB, with Mitsuba's digits
 XYZ_FROM_SRGB = np.array(
     [
         [0.412453, 0.357580, 0.180423],
@@ -32,7 +32,7 @@ XYZ_FROM_SRGB = np.array(
 
 
 class Moment(NamedTuple):
-    """The plugin `moment`; once read it is the field `moments` of its inner integrator."""
+    """The plugin `moment`. Reading it sets the field `moments` of its inner integrator."""
 
     def read(self, properties: Properties) -> Integrator:
         """Return the inner integrator, with moments added to its channels.
@@ -64,7 +64,7 @@ class Moment(NamedTuple):
             )
             moments = Moments(name, colors=child.name_of(below))
             nested = dataclasses.replace(nested, moments=moments)
-        properties.boolean("hide_emitters", False)  # the inner integrator's value counts
+        properties.boolean("hide_emitters", False)  # the inner integrator's is used
         return dataclasses.replace(inner, moments=Moments(name), nested=nested)
 
 
@@ -72,11 +72,11 @@ MOMENT = Moment()
 
 
 def squared_sums(kind: IntegratorKind, requested: Integrator) -> NDArray[np.float32]:
-    """Return which linear combinations of channels have their squares summed.
+    """Return the linear combinations of channels whose squares are summed.
 
-    These are each channel of AOVs; X, Y and Z of colours, and R, G and B if an `aov` lies
-    between. What `show` returns is linear in the channels, so showing each channel alone
-    gives the coefficients.
+    These are all AOV channels, or X, Y and Z of the colours; also R, G and B if an `aov`
+    is in between. The coefficients are found by calling `show` on each channel alone,
+    since its result is linear in the channels.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def squared_sums(kind: IntegratorKind, requested: Integrator) -> NDArray[np.floa
 
 
 def show_moments(kind: IntegratorKind, film: NDArray[Any], requested: Integrator) -> Shown:
-    """Return what the integrator shows, then the moments; `film` ends with the squares."""
+    """Return what the integrator shows, then the moments. `film` ends with the squares."""
     shown = kind.show(film[..., : kind.channels], requested)
     moments = requested.moments
     assert moments is not None
@@ -103,13 +103,13 @@ def show_moments(kind: IntegratorKind, film: NDArray[Any], requested: Integrator
         squares[second + name], kinds[second + name] = film[..., start:end], meaning
         start = end
     both = {name: np.ascontiguousarray(values) for name, values in (aovs | squares).items()}
-    # around AOVs alone Mitsuba's picture is black
+    # as in Mitsuba, the picture around AOVs is black
     pixels = np.zeros_like(shown.pixels) if shown.aovs else shown.pixels
     return Shown(pixels, both, kinds, shown.notes)
 
 
 def _parts(shown: Shown, requested: Integrator) -> Iterator[tuple[str, NDArray[Any], str]]:
-    """Yield name, values (H, W, C) and kind of what has moments."""
+    """Yield name, values (H, W, C) and kind of each output that has second moments."""
     moments = requested.moments
     assert moments is not None
     for name, values in shown.aovs.items():

@@ -1,6 +1,6 @@
-"""Path tracing [Kajiya1986]: the rendering equation by Monte Carlo.
+"""Path tracing [Kajiya1986]: a Monte Carlo solution of the rendering equation.
 
-Direct light alone [Appel1968] is the same loop with two segments: camera to surface and
+Direct lighting [Appel1968] is the same loop with two segments: camera to surface, and
 surface to light.
 """
 
@@ -30,15 +30,15 @@ from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 
-# A path of less throughput may end at any bounce: what it would find seldom shows, and
-# costs as much as any other. Rooms take 2/3 of the time for the same error, see
-# docs/performance.md.
+# A path whose throughput is below this may be ended by roulette at any bounce: it adds
+# little and costs as much as a bright one. Rooms then take 2/3 of the time for the same
+# error, see docs/performance.md.
 DIM = 0.25
 
 
 @kernel
 def begin_bounce(scene, tile, sample, work, count):
-    """Draw the numbers of `count` paths at their hits, if the sampler draws in order."""
+    """Draw the numbers of `count` paths at their hits, if the sampler draws in sequence."""
     sampler = scene.sampler
     if sampler[0, BEGIN_BOUNCE] != 0:
         call(
@@ -56,16 +56,16 @@ def trace_paths(scene, tile, sample, work):
 
 @method_kernel
 def trace_paths_through_panes(scene, tile, sample, work):
-    """Do as `trace_paths`, but panes refract light samples."""
+    """Add the samples of a tile's squares; panes refract the light samples."""
     follow_paths(scene, tile, sample, work, True)
 
 
 @kernel
 def follow_paths(scene, tile, sample, work, through_panes):
-    """Add the samples of a tile's squares; `through_panes` is known when it is compiled.
+    """Add the samples of a tile's squares; `through_panes` is a compile-time constant.
 
-    What comes after a bounce is of all squares: the more rays a stream has, the more of
-    them enter the same nodes.
+    After the first bounce the rays of all squares form one stream: the more rays a stream
+    has, the more of them enter the same nodes.
     """
     rays, hits, settings = work.rays, work.hits, scene.settings
     count = camera_hits(scene, tile, sample, work)
@@ -76,7 +76,7 @@ def follow_paths(scene, tile, sample, work, through_panes):
     transparent = settings.transparent != 0
     if through_panes is not None:
         begin_paths(work, count)
-    bounce = np.int64(0)  # a literal would compile every stage twice
+    bounce = np.int64(0)  # a typed variable: a literal would compile every stage twice
     while count > 0:
         see_sky = bounce > 0 or settings.hide_emitters == 0
         if through_panes is None:
@@ -106,7 +106,7 @@ def follow_paths(scene, tile, sample, work, through_panes):
 
 
 def read_paths(properties: Properties) -> Integrator:
-    """Read the properties of an integrator of paths."""
+    """Read the properties that all path integrators share."""
     return Integrator(
         properties.element.plugin,
         max_depth=properties.integer("max_depth", -1, at_least=-1, at_most=MOST),
@@ -116,11 +116,11 @@ def read_paths(properties: Properties) -> Integrator:
 
 
 def decide_direct(case: Case, depth: int) -> Decision:
-    """Return how direct light alone is traced."""
+    """Return the decision for direct lighting."""
     light_samples = samples = 1
-    if case.requested.name == "direct":  # not if only the options chose it
+    if case.requested.name == "direct":  # false if only the command line selected `direct`
         light_samples, samples = case.requested.emitter_samples, case.requested.bsdf_samples
-    if case.reduce and not case.extended:  # nothing varies from sample to sample
+    if case.reduce and not case.extended:  # all samples of a light at a point are equal
         light_samples, samples = min(light_samples, 1), min(samples, 1)
     return Decision(
         "direct",
@@ -128,7 +128,7 @@ def decide_direct(case: Case, depth: int) -> Decision:
         no_roulette="direct light is two segments long",
         mirrors=case.delta and samples > 0,
         every_light=not case.replay and case.requested.moments is None,
-        # BSDF samples look for lights only where lights can be hit
+        # BSDF samples can reach only lights that have an extent
         follow=case.extended and samples > 0,
         light_samples=light_samples,
         bsdf_samples=samples,
@@ -137,7 +137,7 @@ def decide_direct(case: Case, depth: int) -> Decision:
 
 
 def decide_without_lights(case: Case, say: Callable[[str, str], None]) -> Decision:
-    """Return the cheapest method: without lights only the camera rays are needed."""
+    """Return the cheapest decision: without lights only camera rays are traced."""
     say("method", "direct, no bounces: without a light every path is black")
     return decide_direct(case, min(case.depth, 1))
 
@@ -154,10 +154,10 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 
 def whole_paths(method: str, case: Case, *, mirrors: bool, random: bool) -> Decision:
-    """Return how paths of any length are traced."""
+    """Return the decision for paths of any length."""
     depth, rr_depth = case.depth, case.requested.rr_depth
     plays = rr_depth < depth
-    # where light is lost with paths that end, its mean depends on which of them end
+    # With `transparent`, ending a path can remove light, so the mean depends on roulette.
     early = plays and case.reduce and not case.transparent
     return Decision(
         method,

@@ -1,4 +1,4 @@
-"""All integrators: a file with the integrator's name defines its `INTEGRATOR`."""
+"""All integrators. Each file named after an integrator defines its `INTEGRATOR`."""
 
 from __future__ import annotations
 

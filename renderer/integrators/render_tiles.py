@@ -1,4 +1,4 @@
-"""The loop over tiles and samples: what calls an integrator's `trace`."""
+"""The render loop over tiles and samples; it calls an integrator's `trace`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from renderer.kernels.records.batch import CAPACITY, Tile, has_places
 
 @kernel
 def _level_at(sample, end_sample, room):
-    """Return the level of the next samples: 4^level samples of a pixel go together.
+    """Return the level of the next group: 4^level samples per pixel traced together.
 
-    `room` is the number of slots. A group begins at a multiple of its size, even if a job
-    or a checkpoint does not.
+    `room` is the number of slots. A group begins at a multiple of its size, even where a
+    job or a checkpoint begins elsewhere.
     """
     level, together = 0, 4
     while (
@@ -28,24 +28,24 @@ def _level_at(sample, end_sample, room):
 def render_tiles(
     address, scene, rfilter, tiles, first_sample, end_sample, work, sums, border, squares
 ):
-    """Add samples first_sample .. end_sample - 1 of some tiles to their sums.
+    """Add samples first_sample .. end_sample - 1 of some tiles to the tiles' sums.
 
     Parameters
     ----------
     address, scene
-        An integrator's `trace` and the record that it works on, as of `compile_method`.
+        Address of an integrator's `trace` and its kernel scene, from `compile_method`.
     rfilter : FilterTable
     tiles : int64 (n, 5)
         As in `Film.tiles`.
     first_sample, end_sample : int
     work : Workspace
-        Of this thread; how many slots it has limits the samples that go together.
+        Of this thread. Its number of slots limits the samples traced together.
     sums : float64 (n, channels + 1, rows, columns)
-        Of each tile with its border.
+        Of each tile, including its border.
     border : int
-        From `filter_border`.
+        In pixels, from `filter_border`.
     squares : int
-        Squares of a tile that are traced together; `work` has room for so many.
+        Squares of a tile traced together; `work` must have room for them.
     """
     for k in range(tiles.shape[0]):
         x, y, width, height = tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3]

@@ -1,9 +1,9 @@
 """Path tracing with participating media: the volume rendering equation by Monte Carlo.
 
 L(x, w) = T(x, y) L_o(y, w) + integral over t of T(x, x_t) sigma_s(x_t) S(x_t, w), where y
-is the surface that is seen, T the transmittance, and S the light that the phase function
-scatters into the direction w [Pharr2023, chapter 14]. A path of the path integrator
-in which a flight may end in between.
+is the visible surface point, T the transmittance, and S the radiance that the phase
+function scatters into the direction w [Pharr2023, chapter 14]. Compared with `path`, a
+ray's flight may also end in a medium, before it reaches a surface.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ def trace_paths(scene, tile, sample, work):
 
 @method_kernel
 def trace_paths_near_lamps(scene, tile, sample, work):
-    """Do as `trace_paths`, with one more point of segments in fog that pass lamps."""
+    """Add the samples of a tile's squares, with equiangular points near lamps in fog."""
     follow_paths(scene, tile, sample, work, scene.fog_lamps)
 
 
 @kernel
 def follow_paths(scene, tile, sample, work, lamps):
-    """Add the samples of a tile's squares; `lamps` is an array, or None if compiled so."""
+    """Add the samples of a tile's squares; `lamps` is an array, or None at compile time."""
     rays, hits = work.rays, work.hits
     count = camera_hits(scene, tile, sample, work)
     if scene.settings.max_depth < 1:

@@ -1,8 +1,8 @@
 """Recursive ray tracing [Whitted1980]: reflected and refracted rays are both followed.
 
-The tree of rays is a queue of weighted rays through the same stages. Each depth has its
-region of the ray arrays. The deepest region is traced first, a batch at a time, so that the
-queue stays short however many branches the tree has.
+The ray tree is a queue of weighted rays, processed by the same stages as paths. Each depth
+has its own region of the ray arrays. The deepest region is traced first, one batch at a
+time, so the queue stays short however many branches the tree has.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 
-REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children each
-USUAL_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
-DEEPEST = 256  # each depth of a tree has an array of waiting rays: 130 KB
+REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children per ray
+USUAL_DEPTH = 8  # if the file sets no limit: light trapped in glass never leaves
+DEEPEST = 256  # each depth has an array of waiting rays, 130 KB
 
 
 @method_kernel

@@ -1,4 +1,4 @@
-"""The work that the camera rays cost: counters of the accelerators instead of light."""
+"""`work`: the traversal counters of the camera rays instead of radiance."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COLOURS = (
 
 @method_kernel
 def trace_work(scene, tile, sample, work):
-    """Write the counts of one camera ray for each pixel of a tile to `work.radiance`."""
+    """Write the counters of one camera ray per pixel of a tile to `work.radiance`."""
     rays, tally = work.rays, work.tally
     count = camera_rays(scene, tile, sample, work, np.int64(0))
     tally[:] = 0
@@ -51,7 +51,7 @@ INTEGRATOR = IntegratorKind(
     "nodes, box tests and primitive tests of the search for the nearest hit",
     trace_work,
     _decide,
-    channels=ROWS,  # of `work.radiance`: the tally's rows
+    channels=ROWS,  # channels of `work.radiance`: the rows of the tally
     show=_show,
     counts_work=True,
 )

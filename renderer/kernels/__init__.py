@@ -1,1 +1,1 @@
-"""What compiled code is made of: how it is compiled, numbers in lanes, records."""
+"""Compilation of kernels, SIMD lane types, and the records that kernels work on."""

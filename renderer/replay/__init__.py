@@ -1,1 +1,1 @@
-"""Mitsuba's random numbers, drawn in its order: two renderers, the same paths."""
+"""Replay of Mitsuba: its random numbers in its order, so that both trace the same paths."""

@@ -1,4 +1,4 @@
-"""Mitsuba's arithmetic to the last bit: fused operations, reciprocals, arcs."""
+"""Mitsuba's floating-point arithmetic, bit for bit: fused operations, reciprocals, arcs."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from renderer.kernels.lanes.vectors import vec3
 # -------------------------------------------------------------------------------- fused
 # a * b + c rounded once, where the compiler of Mitsuba's wheels has fused the two.
 #
-# Our own kernels fuse nothing but box tests; a replay must do so in the same places. It
-# is rounded the same everywhere: a processor without the instruction calls the C
-# library's.
+# Other kernels of this renderer fuse nothing but box tests; a replay must fuse where
+# Mitsuba does. The result is the same on every machine: a processor without the
+# instruction calls the C library.
 
 Floats = NDArray[np.float32]
 
@@ -52,24 +52,25 @@ def fused_multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 def fused_in_numpy(a: Floats, b: Floats | np.float32, c: Floats) -> Floats:
-    """Return a * b + c of float32 arrays, but for one case in 2^29 rounded once.
+    """Return a * b + c of float32 arrays, rounded once except in one case of 2^29.
 
-    The product is exact in double precision; its sum may lie between two float32 there.
+    The product is exact in double precision. The sum is rounded there before it is rounded
+    to float32, which can round a tie the wrong way.
     """
     return (np.multiply(a, b, dtype=np.float64) + c).astype(np.float32)
 
 
 # -------------------------------------------------------------------------- fused lanes
-# a * b + c rounded once, of sixteen lanes: only for what must equal another renderer.
+# a * b + c rounded once, in 16 lanes: only for what must equal another renderer.
 #
-# The other kernels fuse nothing but box tests (`lanes.mathematics.fused`). The result is
-# the same on every machine: where the processor lacks the instruction, the C library's
-# function is called.
+# The other kernels fuse nothing but box tests (`multiply_add` in `lanes.mathematics`). The
+# result is the same on every machine: a processor without the instruction calls the C
+# library.
 
 
 @intrinsic
 def fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a * b + c; at least a or b, and c if it is no number, are float lanes."""
+    """Return a * b + c; a or b must be lanes, and c lanes or a number."""
     lanes = operands(a, b)
     if lanes is not None:
         lanes = operands(lanes, c)
@@ -92,8 +93,8 @@ def fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
 # ------------------------------------------------------------------------- rounded once
 # Vector arithmetic with the fused multiply-adds of Mitsuba's wheels, on float32 scalars.
 #
-# Which products are fused, and in which order sums are taken, was found by trying all on
-# thousands of hits: with these, positions, uv and normals are Mitsuba's bit for bit.
+# Which products are fused, and the order of sums, was found by trial on thousands of hits:
+# with these, positions, uv and normals are Mitsuba's bit for bit.
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -101,7 +102,7 @@ _ZERO = np.float32(0.0)
 
 @kernel
 def fused_cross(a, b):
-    """Return a x b, of each component the second product rounded first."""
+    """Return a x b; in each component the second product is rounded first."""
     return vec3(
         fused_multiply_add(a.y, b.z, -(a.z * b.y)),
         fused_multiply_add(a.z, b.x, -(a.x * b.z)),
@@ -117,7 +118,7 @@ def fused_dot(a, b):
 
 @kernel
 def fused_affine(row, at, p):
-    """Return row . p + at, summed from the translation on."""
+    """Return row . p + at, summed from the translation."""
     x = fused_multiply_add(row.x, p.x, at)
     return fused_multiply_add(row.z, p.z, fused_multiply_add(row.y, p.y, x))
 
@@ -137,7 +138,7 @@ def times_point(rows, first, k, p):
 
 @kernel
 def times_vector(rows, first, k, a):
-    """Return the vector a turned by the same matrix; it knows no translation."""
+    """Return the same matrix times the vector a, without the translation."""
     return vec3(
         _row_times(rows, first, k, -_ZERO, a),
         _row_times(rows, first + 4, k, -_ZERO, a),
@@ -147,8 +148,8 @@ def times_vector(rows, first, k, a):
 
 @kernel
 def fused_times(x, y, z, a):
-    """Return the matrix with the rows x, y, z times a, summed from the first column."""
-    zero = -_ZERO  # the one that a product does not change
+    """Return the matrix with rows x, y, z times a, summed from the first column."""
+    zero = -_ZERO  # the zero to which a product can be added unchanged
     return vec3(
         fused_affine(x, zero, a), fused_affine(y, zero, a), fused_affine(z, zero, a)
     )
@@ -161,7 +162,7 @@ def _row_times(rows, row, k, at, p):
 
 @kernel
 def fused_sum(a, s, b):
-    """Return a s + b for vectors a, b and a number s."""
+    """Return a s + b for vectors a, b and a scalar s."""
     return vec3(
         fused_multiply_add(a.x, s, b.x),
         fused_multiply_add(a.y, s, b.y),
@@ -171,25 +172,25 @@ def fused_sum(a, s, b):
 
 @kernel
 def unit(a):
-    """Return a / |a|; the square is summed as four lanes are: x and z first."""
+    """Return a / |a|; the square is summed as in four lanes: x and z first."""
     return a * (_ONE / np.sqrt((a.x * a.x + a.z * a.z) + a.y * a.y))
 
 
 # --------------------------------------------------------------------------- reciprocal
-# 1 / a as Embree computes it: a guess from a table of the processor, and one Newton step.
+# 1 / a as Embree computes it: the processor's table estimate and one Newton step.
 #
-# The two roundings of that step leave the last bit of one quotient in two hundred to the
-# table, and tables differ between makers and generations of processors. So a replay
-# executes the same instruction as Embree on the same machine: with it (u, v) on triangles
-# were Mitsuba's bit for bit on 4640 of 4640 hits, with a division on 99.5 %.
+# In one quotient of two hundred the last bit depends on the table, and tables differ
+# between vendors and generations of processors. So a replay executes the same instruction
+# as Embree on the same machine. With it (u, v) on triangles were Mitsuba's bit for bit on
+# 4640 of 4640 hits, with a division on 99.5 %.
 
 _FOUR = ir.VectorType(ir.FloatType(), 4)
 
 
 def guess_instruction() -> str:
-    """Return LLVM's name of the instruction that Embree takes here, "" if it divides."""
+    """Return LLVM's name of Embree's estimate instruction here, "" if Embree divides."""
     if config.CPU_NAME or config.CPU_FEATURES is not None:
-        return ""  # Numba was told to compile for another processor than this one
+        return ""  # Numba was told to compile for another processor
     if not llvm.get_process_triple().startswith(("x86_64", "i686")):
         return ""
     if config.ENABLE_AVX and llvm.get_host_cpu_features().get("avx512vl", False):
@@ -198,9 +199,9 @@ def guess_instruction() -> str:
 
 
 def table_instruction() -> str:
-    """Return LLVM's name of the instruction that Mitsuba's wheel takes, "" if it divides.
+    """Return LLVM's name of the estimate instruction in Mitsuba's wheel, "" if it divides.
 
-    The wheel is built for processors without AVX-512, whatever it runs on.
+    The wheel is built without AVX-512, whatever processor it runs on.
     """
     name = guess_instruction()
     return "llvm.x86.sse.rcp.ss" if name else ""
@@ -216,7 +217,7 @@ def _guess_by(instruction: Callable[[], str]) -> Any:
             first = ir.Constant(ir.IntType(32), 0)
             a = builder.insert_element(ir.Constant(_FOUR, None), args[0], first)
             operands = [a]
-            if name.endswith("rcp14.ss"):  # (upper lanes, a, what masked lanes keep, mask)
+            if name.endswith("rcp14.ss"):  # (upper lanes, a, value of masked lanes, mask)
                 operands = [a, a, a, ir.Constant(ir.IntType(8), 0xFF)]
             kind = ir.FunctionType(_FOUR, [operand.type for operand in operands])
             function = builder.module.globals.get(name)
@@ -240,16 +241,16 @@ def reciprocal(a):
 
 @kernel
 def reciprocal_in_matrices(a):
-    """Return 1 / a as Mitsuba inverts a scale: 2 r - (r a) r from the guess r.
+    """Return 1 / a as Mitsuba inverts a scale: 2 r - (r a) r from the estimate r.
 
-    On a processor of Intel's it is 1 / a rounded in 67 of 100 cases only, and this in all.
+    On an Intel processor 1 / a rounded agrees in 67 of 100 cases, this in all.
     """
     r = _mitsuba_guess(a)
     return fused_multiply_add(-(r * a), r, r + r)
 
 
 # --------------------------------------------------------------------------------- arcs
-# Mitsuba's arc tangent and arc cosine: Cephes' polynomials, summed by pairs and fused.
+# Mitsuba's arc tangent and arc cosine: Cephes' polynomials, summed in pairs and fused.
 
 _SIGN_BIT = -0x80000000
 _PI = np.float32(np.pi)
@@ -273,7 +274,7 @@ _ARC_SINE = tuple(
 
 @kernel
 def arctan2_as_mitsuba(y, x):
-    """Return the angle of (x, y) in [-pi, pi], off by 6e-7 at most as Mitsuba's."""
+    """Return the angle of (x, y) in [-pi, pi], with Mitsuba's error of up to 6e-7."""
     across, up = fabs(x), fabs(y)
     larger = maximum(across, up)
     ratio = minimum(across, up) / select(larger > 0.0, larger, splat_f32(1.0))

@@ -1,11 +1,10 @@
-"""Stage 1 in a replay: camera rays as Mitsuba rounds them.
+"""Stage 1 in a replay: camera rays with Mitsuba's rounding.
 
-A hit 9 away at a grazing angle moves by 7e-6 when the direction changes by one unit in the
-last place, so that this first rounding outweighs all later ones. Mitsuba goes through the
-matrix that leads from the crop window to the camera, and that cannot be computed here bit
-for bit: some of its factors are reciprocals from a table of the processor. The harness
-reads its entries from Mitsuba and passes them on. They are used if they differ from ours by
-rounding only.
+A grazing hit at a distance of 9 moves by 7e-6 if the direction changes by one unit in the
+last place, so this first rounding outweighs all later ones. Mitsuba uses the matrix from
+the crop window to the camera. It cannot be computed here bit for bit: some of its factors
+are reciprocals from a table of the processor. The harness reads its entries from Mitsuba
+and passes them on. They are used if they differ from ours by rounding only.
 """
 
 from __future__ import annotations
@@ -33,27 +32,27 @@ from renderer.scene_file.description import (
 )
 
 _ONE = np.float32(1.0)
-_SAME = 1e-6  # relative difference of a matrix entry that rounding explains
+_SAME = 1e-6  # relative difference of a matrix entry that counts as rounding
 _ZERO = np.float32(0.0)
 _ROUNDING = np.float32(1e-5)  # of a direction, and of an origin relative to its size
 _QUARTER_PI = np.float32(np.pi / 4.0)
 _HALF_PI = np.float32(np.pi / 2.0)
 
 ENTRIES = ((0, 0), (0, 3), (1, 1), (1, 3), (2, 3), (3, 3))
-"""Of Mitsuba's matrix from the crop window to the camera: all that matter at z = 0."""
+"""Entries of Mitsuba's matrix from the crop window to the camera; others have no effect."""
 
 
 class ReplayCamera(NamedTuple):
-    """A pinhole as Mitsuba has it."""
+    """A pinhole camera with Mitsuba's numbers."""
 
     entries: NDArray[np.float32]  # (6,) see `ENTRIES`
-    window: NDArray[np.float32]  # (3, 2) place in the window = (a * film position + b) + c
+    window: NDArray[np.float32]  # (3, 2) window position = (a * film position + b) + c
     to_world: NDArray[np.float32]  # (12, 1) rows
     near: float
 
 
 class ReplayThinLens(NamedTuple):
-    """A thin lens as Mitsuba has it."""
+    """A thin lens camera with Mitsuba's numbers."""
 
     pinhole: ReplayCamera
     radius: float
@@ -61,7 +60,7 @@ class ReplayThinLens(NamedTuple):
 
 
 class ReplayOrthographic(NamedTuple):
-    """Parallel rays as Mitsuba has them."""
+    """An orthographic camera with Mitsuba's numbers."""
 
     camera: ReplayCamera
 
@@ -72,17 +71,17 @@ def replay_camera(camera: Sensor, measured: Sequence[float] | None) -> Any:
     Parameters
     ----------
     camera : Sensor
-        As the file has it.
+        The sensor of the file.
     measured : sequence of 6 floats, optional
-        Mitsuba's own `ENTRIES`. An entry that is not ours up to rounding is not taken, so
-        that the pictures show it.
+        Mitsuba's own `ENTRIES`. An entry that differs from ours by more than rounding is
+        ignored, so the pictures show the difference.
     """
     film = camera.film
     size = np.array([film.width, film.height], np.float64)
     crop = np.array([film.crop_width, film.crop_height], np.float64)
     offset = np.array([film.crop_offset_x, film.crop_offset_y], np.float64)
     half, moved = 1.0, np.zeros(2)
-    last = [camera.near_clip, 1.0]  # the depth of the near plane, by the last two entries
+    last = [camera.near_clip, 1.0]  # depth of the near plane, from the last two entries
     if isinstance(camera, PerspectiveCamera):
         half = np.tan(np.radians(camera.fov_x) / 2.0)
         moved = np.array([camera.principal_point_offset_x, camera.principal_point_offset_y])
@@ -96,7 +95,7 @@ def replay_camera(camera: Sensor, measured: Sequence[float] | None) -> Any:
         scale = np.maximum(np.abs(ours), np.float32(half))
         ours = np.where(np.abs(theirs - ours) <= _SAME * scale, theirs, ours)
     one = np.float32(1.0) / crop.astype(np.float32)
-    # ours begins `border` pixels before the film where samples lie beyond it
+    # our film begins `border` pixels earlier, where samples lie beyond its edge
     shift = -(offset + film.border).astype(np.float32) * one
     found = ReplayCamera(
         ours.astype(np.float32),
@@ -113,12 +112,12 @@ def replay_camera(camera: Sensor, measured: Sequence[float] | None) -> Any:
 
 @interface
 def exact_ray(camera: Any, px: Any, py: Any, lens_x: Any, lens_y: Any) -> Any:
-    """Return origin and direction of the ray through a place on the film in pixels."""
+    """Return origin and direction of the ray through a film position in pixels."""
 
 
 @kernel
 def _in_window(camera, px, py):
-    """Return x and y, in the camera's space, of what the matrix leads to, before its w."""
+    """Return the x and y, in camera space, of the matrix product before division by w."""
     w, m = camera.window, camera.entries
     x = fused_multiply_add(px, w[0, 0], w[1, 0]) + w[2, 0]
     y = fused_multiply_add(py, w[0, 1], w[1, 1]) + w[2, 1]
@@ -145,7 +144,7 @@ def _pinhole_ray(camera, px, py, lens_x, lens_y):
 
 @kernel
 def _on_disk(x, y):
-    """Map [0, 1)^2 to the unit disk; its sine may be off by a unit in the last place."""
+    """Map [0, 1)^2 to the unit disk; the sine may be off by a unit in the last place."""
     a = x * np.float32(2.0) - _ONE
     b = y * np.float32(2.0) - _ONE
     if a == _ZERO and b == _ZERO:
@@ -189,7 +188,7 @@ def _close(a, b, limit):
 
 @kernel
 def round_camera_ray(camera, rays, k, px, py, lens_x, lens_y):
-    """Round ray k, which goes through film position (px, py), unless it is another ray."""
+    """Round ray k through film position (px, py) if it differs by rounding only."""
     never_inline()
     origin, direction = exact_ray(camera, px, py, lens_x, lens_y)
     size = _ONE + max(abs(origin.x), max(abs(origin.y), abs(origin.z)))
@@ -206,7 +205,7 @@ def round_camera_ray(camera, rays, k, px, py, lens_x, lens_y):
 
 @method_kernel
 def round_camera_rays(camera, rays, count, film):
-    """Round the camera rays of a tile, which go through places on the film, by slot."""
+    """Round a tile's camera rays, whose film positions are given by slot."""
     for k in range(count):
         s = rays.slot[k]
         round_camera_ray(camera, rays, k, film[0, s], film[1, s], film[2, s], film[3, s])

@@ -1,10 +1,9 @@
-"""Directions from surfaces in a replay, with Mitsuba's roundings.
+"""Directions from surfaces in a replay, with Mitsuba's rounding.
 
-Mitsuba's wheels fuse multiplications and additions, and its sine and cosine are other
-arrangements of Cephes' polynomials than ours. With the same ones a direction is the same
-32 bits, so that two paths part where a decision is within rounding and nowhere else. Which
-operations are fused was found by trying: 2000 of 2000 samples of a `diffuse` BSDF agreed in
-all bits.
+Mitsuba's wheels fuse multiplications and additions, and its sine and cosine arrange Cephes'
+polynomials differently from ours. With the same operations a direction is the same 32
+bits. So two paths part only where a decision is within rounding. The fused operations were
+found by trial: 2000 of 2000 samples of a `diffuse` BSDF agreed in all bits.
 """
 
 from __future__ import annotations
@@ -63,13 +62,13 @@ _COSINE = tuple(
     for c in (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5)
 )
 _SIGN_BIT = -0x80000000
-_LOST = np.float32(3e-7)  # what is left of 1 - cos has so large a rounding
+_LOST = np.float32(3e-7)  # rounding error of the difference 1 - cos
 _NARROW = np.float32(0.00068523)  # sin^2 of 1.5 degrees
 
 
 @kernel
 def _polynomial(coefficients, z):
-    """Return (c0 + c1 z) + c2 z^2, times z."""
+    """Return ((c0 + c1 z) + c2 z^2) z."""
     low = fused(z, coefficients[1], splat_f32(coefficients[0]))
     return fused(z * z, coefficients[2], low) * z
 
@@ -97,7 +96,7 @@ def sincos_as_mitsuba(x):
 
 @kernel
 def disk_as_mitsuba(x, y):
-    """Map [0, 1)^2 to the unit disk, as `square_to_disk` but for roundings."""
+    """Map [0, 1)^2 to the unit disk, as `square_to_disk` except for rounding."""
     a = x * 2.0 - 1.0
     b = y * 2.0 - 1.0
     steep = fabs(a) < fabs(b)
@@ -125,7 +124,7 @@ def fused_sum(a, s, b):
 
 @kernel
 def fused_cross(a, b):
-    """Return a x b, of each component the second product rounded first."""
+    """Return a x b; in each component the second product is rounded first."""
     return vec3(
         fused(a.y, b.z, -(a.z * b.y)),
         fused(a.z, b.x, -(a.x * b.z)),
@@ -135,13 +134,13 @@ def fused_cross(a, b):
 
 @kernel
 def squared_length(a):
-    """Return |a|^2, summed as four lanes are: first x and z, then y."""
+    """Return |a|^2, summed as in four lanes: first x and z, then y."""
     return (a.x * a.x + a.z * a.z) + a.y * a.y
 
 
 @kernel
 def frame_as_mitsuba(along_u, normal):
-    """Return the shading frame's two vectors across the normal, from dp/du."""
+    """Return the shading frame's two tangents, from dp/du and the normal."""
     across = fused_sum(normal, -dot(normal, along_u), along_u)
     s = across * (1.0 / sqrt(squared_length(across)))
     return s, fused_cross(normal, s)
@@ -149,15 +148,15 @@ def frame_as_mitsuba(along_u, normal):
 
 @kernel
 def to_world_as_mitsuba(s, t, normal, local):
-    """Return the direction that has the components `local` along s, t and the normal."""
+    """Return the direction with components `local` along s, t and the normal."""
     return fused_sum(normal, local.z, fused_sum(t, local.y, s * local.x))
 
 
-# --------------------------------------------- the interfaces that the stages call
+# ------------------------------------------------- implementations of stage interfaces
 
 
 class AsMitsuba(NamedTuple):
-    """Directions and densities with the roundings of Mitsuba's scalar variants."""
+    """Directions and densities with the rounding of Mitsuba's scalar variants."""
 
     ray_epsilon: float  # see `MitsubaRules`
 
@@ -187,10 +186,9 @@ def _to_world(arithmetic, frame, local):
 @tangents_of.by(AsMitsuba)
 @kernel
 def _tangents_of(arithmetic, points, i, normal):
-    """Return Mitsuba's frame: dp/du without its part along the normal comes first.
+    """Return Mitsuba's frame; the first tangent is dp/du without its normal component.
 
-    From behind, Mitsuba turns z around and leaves x and y, which makes the frame
-    left-handed.
+    Seen from behind, Mitsuba flips z but not x and y, so the frame is left-handed.
     """
     s, t = orthonormal_basis(normal)
     along_u = load3(points.tangent, i)
@@ -202,9 +200,9 @@ def _tangents_of(arithmetic, points, i, normal):
 @density_normal.by(AsMitsuba)
 @kernel
 def _density_normal(arithmetic, flat, smooth):
-    """Return the one between the vertices.
+    """Return the normal interpolated from the vertices.
 
-    With it Mitsuba's smooth mesh lights are a little too bright here and too dark there.
+    It makes Mitsuba's smooth mesh lights slightly too bright here and too dark there.
     """
     return smooth
 
@@ -212,10 +210,10 @@ def _density_normal(arithmetic, flat, smooth):
 @seen_from.by(AsMitsuba)
 @kernel
 def _seen_from(arithmetic, points, i):
-    """Go back to the exact point that the ray has left.
+    """Return the view of a lamp from the exact point that the ray left.
 
-    From there a lamp may be seen from behind, which Mitsuba gives the density 0, although
-    the ray has met its front: the ray starts a ray offset away.
+    The ray starts a ray offset away. So it can hit the front of a lamp whose back faces
+    the exact point; Mitsuba gives that a density of 0.
     """
     previous = load3(points.previous, i)
     back = previous - load3(points.position, i)
@@ -233,7 +231,7 @@ def _near_surface(arithmetic):
 
 @kernel
 def _cone(to_center, radius):
-    """Return the squared sine and the cosine of half the angle that a sphere fills."""
+    """Return the squared sine and the cosine of half the angle that a sphere subtends."""
     sine = radius * (1.0 / sqrt(squared_length(to_center)))
     sine2 = sine * sine
     return sine2, sqrt(maximum(1.0 - sine2, splat_f32(0.0)))
@@ -242,7 +240,7 @@ def _cone(to_center, radius):
 @cone_of_density.by(AsMitsuba)
 @kernel
 def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
-    """Return 1 - cos with the digits that Mitsuba loses."""
+    """Return 1 - cos with Mitsuba's loss of digits."""
     _, cosine = _cone(to_center, radius)
     own = exact_cone_of_density(arithmetic, one_minus_cos, to_center, radius)
     return _rounded(1.0 - cosine, own, 1e-6)
@@ -251,10 +249,10 @@ def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
 @part_of_cone.by(AsMitsuba)
 @kernel
 def _part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
-    """Return 1 - cos as it follows from Mitsuba's sine.
+    """Return 1 - cos computed from Mitsuba's sine.
 
-    In cones under 1.5 degrees its square is even, which the cone is not, by 1.7e-4 at most;
-    in wider ones it is what is left of a difference.
+    In cones under 1.5 degrees Mitsuba distributes the squared sine uniformly, which is off
+    by 1.7e-4 at most; in wider ones the sine comes from a difference, with its rounding.
     """
     sine2_max, cosine = _cone(to_center, radius)
     cosine = fused(cosine - 1.0, x, splat_f32(1.0))
@@ -266,6 +264,6 @@ def _part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
 
 @kernel
 def _rounded(theirs, own, share):
-    """Return Mitsuba's 1 - cos; our own where that is not what rounding makes of it."""
+    """Return Mitsuba's 1 - cos, or our own if they differ by more than rounding."""
     same = fabs(theirs - own) <= own * np.float32(share) + _LOST
     return select(same, theirs, own)

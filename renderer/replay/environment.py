@@ -1,13 +1,14 @@
-"""Environment maps in a replay: Mitsuba's way from directions to texels and back.
+"""Environment maps in a replay: Mitsuba's mapping between directions and texels.
 
-Its arc tangent is off by up to 6e-7, its place in the image is rounded three times, and a
-number that chose one texel among 10^5 has few digits left: where a map is steep, light
-differs by 1e-4. With the same operations, fused as in its wheels, (u, v) of 20000 of 20000
-samples agreed in all bits. The last row's sine is that of a pi which is 8.7e-8 too large,
-so negative, and so are densities there: without it 98 of 100 samples of some maps differ.
+Mitsuba's arc tangent is off by up to 6e-7, its position in the image is rounded three
+times, and a number that chose one texel among 10^5 has few digits left. Where a map is
+steep, light then differs by 1e-4. With the same operations, fused as in its wheels, (u, v)
+of 20000 of 20000 samples agreed in all bits. Its last row's sine is that of a pi that is
+8.7e-8 too large, so it and the densities there are negative. Without that, 98 of 100
+samples of some maps differ.
 
-What is replaced are places and directions, by no more than rounding. Radiance and density
-at a place are the renderer's own, so that a defect in them is not replaced.
+Only positions and directions are replaced, and by no more than rounding. Radiance and
+density at a position are the renderer's own, so a defect in them is not hidden.
 """
 
 from __future__ import annotations
@@ -63,36 +64,36 @@ from renderer.replay.directions import sincos_as_mitsuba
 from renderer.replay.light_rounding import rounded_luminance
 from renderer.scene_file.description import EnvironmentMap
 
-# What rounding does at most, in radians: to a direction that was chosen by numbers (steep
-# maps of 512 x 256 texels 3.4e-5), to the place that a direction is looked up at, and to
-# sines, cosines and sums of three products.
+# Bounds of rounding errors in radians: of a direction chosen by random numbers (3.4e-5 for
+# steep maps of 512 x 256 texels), of the position at which a direction is looked up, and
+# of sines, cosines and sums of three products.
 _CHOSEN = np.float32(1e-4)
 _FOUND = np.float32(2e-6)
 _TURNED = np.float32(1e-6)
-_TEXELS = np.float32(2.0**-22)  # of its columns or rows: a place in it, rounded four times
-_NUMBER = 2.0**-22  # of a random number in [0, 1): rounded at each level of the pyramid
-_SINE = 1.3e-7  # sines of rows: 8.7e-8 at the last one, and what rounds it
+_TEXELS = np.float32(2.0**-22)  # of the columns or rows: a position rounded four times
+_NUMBER = 2.0**-22  # of a random number in [0, 1), rounded at each level of the pyramid
+_SINE = 1.3e-7  # of row sines: 8.7e-8 in the last row, plus rounding
 _PI = np.float32(np.pi)
 _TWICE_PI = np.float32(2.0 * np.pi)
 
 
 class RoundedEnvironment(NamedTuple):
-    """An environment map with both ways to round."""
+    """An environment map with both our and Mitsuba's mapping."""
 
     own: EnvironmentMaps
-    warp: Warp  # of luminances and sines with Mitsuba's roundings
-    share: float  # of all samples that sines off by `_SINE` send to other patches
-    rows: NDArray[np.float32]  # (rows of patches,) share of all samples
+    warp: Warp  # of luminance times sine, with Mitsuba's rounding
+    share: float  # fraction of samples that sines off by `_SINE` send to other patches
+    rows: NDArray[np.float32]  # (rows of patches,) fraction of all samples
 
 
 def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnvironment:
-    """Return what a replay needs of an environment map in addition to the usual table.
+    """Return the additional tables of an environment map for a replay.
 
     Raises
     ------
     NotReplayable
-        If Mitsuba has no choice of directions: it divides by their sum, which is 0, or
-        negative by its sine of the last row.
+        If Mitsuba cannot sample the map: it divides by the sum of its weights, which is 0,
+        or negative because of the last row's sine.
     """
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     compensated = sky.mis_compensation
@@ -134,7 +135,7 @@ def _between(a, b, t):
 
 @kernel
 def _linear(a, b, x):
-    """Return where x of the area below a line from a to b lies to the left."""
+    """Return the x-quantile of the area below a line from a to b."""
     steep = fabs(a - b) > FLAT * (a + b)
     below = sqrt(maximum(_between(a * a, b * b, x), splat_f32(0.0)))
     slope = select(steep, a - b, splat_f32(1.0))
@@ -143,9 +144,10 @@ def _linear(a, b, x):
 
 @kernel
 def _sample_warp(warp, x, y, mask):
-    """Return (u, v), the density there, and how far rounding may move it.
+    """Return (u, v), the density there, and a bound of its rounding error.
 
-    That is some of its largest at the patch's corners, and their own where negative.
+    The bound is a fraction of the largest density at the patch's corners; negative corners
+    count with their magnitude.
     """
     column, row, x, y = choose_patch(warp, x, y, mask)
     v00, v10, v01, v11 = corners(warp, column, row, mask)
@@ -187,7 +189,7 @@ def _rotated(matrix, d):
 
 @kernel
 def _texel_place(own, u, v):
-    """Return the place in an image of W + 2 columns, as it is for Mitsuba."""
+    """Return the position in an image of W + 2 columns, as Mitsuba computes it."""
     across, down = np.float32(own.width + 2), np.float32(own.height)
     v = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0))
     x = fused(u - floor(u), np.float32(own.width), splat_f32(1.0)) / across
@@ -196,14 +198,14 @@ def _texel_place(own, u, v):
     return maximum(x, splat_f32(0.0)), maximum(y, splat_f32(0.0))
 
 
-# ------------------------------------------- ours, moved to Mitsuba's by rounding at most
+# ------------------------------------------ our positions, corrected by Mitsuba's rounding
 
 
 @kernel
 def _nearby(u, v, own_u, own_v, sine, angle):
-    """Return (u, v), or our own where they are farther apart than `angle` in radians.
+    """Return (u, v), or our own if they are more than `angle` apart, in radians.
 
-    Near a pole the arc cosine and tangent make much of a last bit, but little of a way.
+    Near a pole a last bit changes the arc cosine and tangent a lot, the direction little.
     """
     turned = u - own_u
     turned = turned - floor(turned + 0.5)
@@ -214,14 +216,14 @@ def _nearby(u, v, own_u, own_v, sine, angle):
 
 @kernel
 def _is_reached(sky, x, y, u, v, mask):
-    """Return where our own warp reaches (u, v) by numbers that rounding moves.
+    """Return the mask of (u, v) that our warp reaches from random numbers within rounding.
 
-    Where a density begins at 0, a place goes with the square root of what is left of its
-    number; and where all of a map is nearly 0, the sign of the last row's sine counts.
+    Where a density begins at 0, the position is the square root of the random number's
+    remainder. Where nearly all of a map is 0, the sign of the last row's sine matters.
     """
     step = np.float32(_NUMBER + sky.share)
     row = minimum(to_i32(v * np.float32(sky.warp.rows)), splat_i32(sky.warp.rows - 1))
-    # of the numbers that choose within a row, its share is all there is
+    # a number that chooses within a row has only the row's share of the digits
     along = step / maximum(gather_row(sky.rows, 0, row, mask), splat_f32(step))
     least_u, least_v = splat_f32(1.0), splat_f32(1.0)
     most_u, most_v = splat_f32(0.0), splat_f32(0.0)
@@ -253,7 +255,7 @@ def _sample(sky, kind, light, mask, position, x, y, z):
     near_u, near_v = _nearby(u, v, own_u, own_v, own_sine, _CHOSEN)
     reached = _is_reached(sky, x, y, u, v, mask)
     u, v = select(reached, u, near_u), select(reached, v, near_v)
-    # the density that came with our own point, moved along
+    # the density of our own sample, moved to Mitsuba's position
     before = warp_density(own.warp, own_u, own_v, mask)
     moved = warp_density(own.warp, u, v, mask)
     moved = own_density * select(before > 0.0, moved / before, splat_f32(1.0))

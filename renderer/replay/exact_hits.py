@@ -1,4 +1,4 @@
-"""Hits by Mitsuba's arithmetic: an interface for shapes, and matrices of instances."""
+"""Hits in Mitsuba's arithmetic: the interface for shapes, and the matrices of instances."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.scene_file.description import Instance
 
 # -------------------------------------------------------------------- instance matrices
-# The matrices by which Embree and Mitsuba go into the space of an instance.
+# The matrices by which Embree and Mitsuba transform rays into an instance.
 #
-# Those of ours (`renderer.scene.placed_groups`) undo the translation first, which is
-# better, and not the same.
+# Our own (`renderer.scene.placed_groups`) undo the translation first, which is more
+# accurate but not the same.
 
 Columns = NDArray[np.float32]  # (3, n)
 
@@ -24,14 +24,14 @@ Columns = NDArray[np.float32]  # (3, n)
 def instance_matrices(instances: Sequence[Instance]) -> NDArray[np.float32]:
     """Return the matrices of all instances, (24, n).
 
-    Rows 0 to 11: Embree's inverse, its columns and then the image of the origin. Rows 12 to
-    23: Mitsuba's, whose columns are the rows of the matrix for normals.
+    Rows 0 to 11 are Embree's inverse: its columns, then the image of the origin. Rows 12 to
+    23 are Mitsuba's inverse, whose columns are the rows of the normal matrix.
     """
     if not instances:
         return np.zeros((24, 0), np.float32)
     matrices = np.array([instance.to_world for instance in instances])
     mitsuba = np.linalg.inv(matrices)[:, :3].transpose(2, 1, 0).reshape(12, -1)
-    with np.errstate(all="ignore"):  # tiny instances: what is not finite rounds nothing
+    with np.errstate(all="ignore"):  # tiny instances: a non-finite matrix rounds nothing
         embree = _embree_inverse(matrices[:, :3].astype(np.float32))
         return np.concatenate([embree, mitsuba.astype(np.float32)])
 
@@ -39,8 +39,8 @@ def instance_matrices(instances: Sequence[Instance]) -> NDArray[np.float32]:
 def _embree_inverse(matrices: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the inverse of (n, 3, 4), with instructions that every x86-64 processor has.
 
-    Nothing is fused, and the cofactors are divided by the determinant: found by trying, in
-    Mitsuba's Embree 3.
+    Nothing is fused, and the cofactors are divided by the determinant. This was found by
+    trial with Mitsuba's Embree 3.
     """
     x, y, z, at = matrices.transpose(2, 1, 0)  # columns, each (3, n)
     rows = np.array([_cross(y, z), _cross(z, x), _cross(x, y)])
@@ -56,21 +56,21 @@ def _cross(a: Columns, b: Columns) -> Columns:
 
 
 # ------------------------------------------------------------------ triangle arithmetic
-# Mitsuba's single-precision arithmetic on triangles, rounding for rounding.
+# Mitsuba's single-precision arithmetic on triangles, with the same rounding.
 #
-# Its x86 builds use fused multiply-adds where ours never do. Most results then differ by
-# a rounding, which a replay forgives; two do not. The cumulated areas of a mesh light
-# decide which triangle a number chooses and how far it is into it, and the sign of a zero
-# decides the frame on a wall. The areas below agreed with Mitsuba bit by bit.
+# Its x86 builds use fused multiply-adds where ours never do. Most results then differ by a
+# rounding that a replay tolerates; two may not. The cumulative areas of a mesh light decide
+# which triangle a random number chooses and where in it. The sign of a zero decides the
+# frame on a wall. The areas below agreed with Mitsuba bit for bit.
 
 
 def product_difference(a: Any, b: Any, c: Any) -> Any:
-    """Return a b - c of float32; but for ties it is rounded once (through float64)."""
+    """Return a b - c of float32; rounded once (through float64) except for ties."""
     return (np.multiply(a, b, dtype=np.float64) - c).astype(np.float32)
 
 
 def cross(a: Columns, b: Columns) -> Columns:
-    """Return a x b, of each component the second product rounded first."""
+    """Return a x b; in each component the second product is rounded first."""
     return np.array(
         [
             product_difference(a[1], b[2], a[2] * b[1]),
@@ -81,7 +81,7 @@ def cross(a: Columns, b: Columns) -> Columns:
 
 
 def squared_length(a: Columns) -> Any:
-    """Return |a|^2, summed as four lanes are: first x and z, then y."""
+    """Return |a|^2, summed as in four lanes: first x and z, then y."""
     return (a[0] * a[0] + a[2] * a[2]) + a[1] * a[1]
 
 
@@ -106,15 +106,15 @@ def first_tangents(normal: Columns) -> Columns:
 
 
 def triangle_tangents(triangles: TriangleSurfaces) -> Columns:
-    """Return dp/du (3, n) of triangles in object space, not unit; flips leave it alone."""
+    """Return dp/du (3, n) of triangles in object space, not unit, whatever the flips."""
     return uv_tangents(triangles.edge1, triangles.edge2, triangles.uvs)
 
 
 def uv_tangents(edge1: Columns, edge2: Columns, uvs: NDArray[np.float32]) -> Columns:
     """Return dp/du (3, n) from edges and the texture coordinates (6, n) of the vertices.
 
-    Meshes without texture coordinates have those of their barycentric ones, so edge1. Where
-    u and v span no area it is the first tangent of the geometric normal.
+    Meshes without texture coordinates use barycentric ones, so dp/du is edge1. If u and v
+    are degenerate it is the first tangent of the geometric normal.
     """
     du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
     du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
@@ -128,23 +128,23 @@ def uv_tangents(edge1: Columns, edge2: Columns, uvs: NDArray[np.float32]) -> Col
 
 
 # --------------------------------------------------------------------------- exact hits
-# What a replay knows of a kind of shape: its numbers as Mitsuba stores them, and hits.
+# For each kind of shape: its numbers as Mitsuba stores them, and its hits.
 #
-# A kind that is not in `EXACT` keeps the roundings of the renderer.
+# Hits of a kind that is not in `EXACT` keep the renderer's rounding.
 
 
 class HitPoint(NamedTuple):
-    """What Mitsuba knows of a hit, as scalars."""
+    """A hit with Mitsuba's rounding, as scalars."""
 
     position: Any
-    normal: Any  # geometric, unit, before any flip: outwards of a curved surface
-    vertex_normal: Any  # interpolated, unit; the geometric one where there are none
+    normal: Any  # geometric, unit, before flips: outwards on a curved surface
+    vertex_normal: Any  # interpolated, unit; the geometric one without vertex normals
     tangent: Any  # dp/du
-    u: Any = None  # texture coordinates; None: those of the renderer stay
+    u: Any = None  # texture coordinates; None: keep the renderer's
     v: Any = None
 
 
-# class of a table of shapes -> (table, its shapes) -> the record of `exact_hit`
+# record class of a table -> function (table, its shapes) -> record of `exact_hit`
 EXACT: dict[type, Callable[[Any, Sequence[Any]], Any]] = {}
 
 
@@ -152,14 +152,14 @@ EXACT: dict[type, Callable[[Any, Sequence[Any]], Any]] = {}
 def exact_hit(
     shapes: Any, k: int, u: Any, v: Any, probe: Any, ray: Any, grouped: Any
 ) -> HitPoint:
-    """Return the hit on primitive k as Mitsuba rounds it.
+    """Return the hit on primitive k with Mitsuba's rounding.
 
     Parameters
     ----------
     u, v
-        The primitive's own coordinates of the hit.
+        The hit's coordinates on the primitive.
     probe, ray
-        `probe` finds t, and `ray` is followed to it. They are the same but inside of
+        t is found with `probe`, and the hit is at that t of `ray`. They differ only inside
         instances (`hits.py`).
     grouped
         Whether the primitive is in a group.

@@ -1,10 +1,10 @@
-"""Stage 3 in a replay: the surface points as Mitsuba rounds them.
+"""Stage 3 in a replay: surface points with Mitsuba's rounding.
 
 A mirror ball multiplies the distance of two paths by ten at each bounce, and (u, v) on a
-floor of 140 x 140 are known to 8e-6. With other roundings a path would leave Mitsuba's path
-after a few bounces. So the points of hits are rounded as Mitsuba and Embree do it. Which
-operations are fused, and in which order sums are taken, was found by trying; a test
-(tests/renderer/replay/test_replay_hits.py) compares bits.
+floor of 140 x 140 is known to 8e-6. With other rounding a path would leave Mitsuba's path
+after a few bounces. So hits are rounded as by Mitsuba and Embree. The fused operations and
+the order of sums were found by trial; a test (tests/renderer/replay/test_replay_hits.py)
+compares bits.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from renderer.scene_file.description import SceneDescription
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-# What differs by more is no rounding: it stays, so that a replay shows it. The largest
-# difference that a scene of ours has is 1e-5, on a floor 140 wide.
+# A larger difference is not rounding: our value is kept, so that a replay shows it. The
+# largest difference in our scenes is 1e-5, on a floor 140 wide.
 ROUNDING = np.float32(1e-4)
 
 
 class Rounding(NamedTuple):
-    """What the surface points on one kind of shape are computed from in a replay."""
+    """The data of the rounded surface points of one kind of shape."""
 
-    first: int  # the kind's primitives are first .. end - 1 by id
+    first: int  # the kind's primitives have the ids first .. end - 1
     end: int
-    shapes: Any  # what Mitsuba has of the kind, see `exact_hit`
+    shapes: Any  # Mitsuba's numbers for the kind, see `exact_hit`
     instances: NDArray[np.float32]  # (24, n), see `instance_matrices`
 
 
 def hooks_of_hits(
     description: SceneDescription, surfaces: dict[str, Any]
 ) -> list[tuple[Any, Any]]:
-    """Return (kernel, record) of what a replay does after the surface points are found."""
+    """Return (kernel, record) of the hooks that run after the surface points are found."""
     instances = instance_matrices(description.instances)
     hooks: list[tuple[Any, Any]] = [(keep_previous_points, Previous())]
     for kind, table in surfaces.items():
@@ -68,7 +68,7 @@ def _instance_number(placements, numbers, ray):
 
 @kernel
 def _round(rows, i, a):
-    """Replace the vector in column i by `a` if rounding explains the difference."""
+    """Replace the vector in column i by `a` if they differ by rounding only."""
     old = column(rows, i)
     limit = ROUNDING * (_ONE + max(abs(old.x), max(abs(old.y), abs(old.z))))
     x, y, z = abs(a.x - old.x), abs(a.y - old.y), abs(a.z - old.z)
@@ -78,7 +78,7 @@ def _round(rows, i, a):
 
 @kernel
 def _replace_tangent(tangents, i, a):
-    """Replace a tangent by one of the same direction; the old one has another length."""
+    """Replace a tangent if it differs by rounding only in direction; lengths may differ."""
     old = column(tangents, i)
     scale = np.sqrt(dot(old, old) / dot(a, a))
     limit = ROUNDING * np.sqrt(dot(old, old))
@@ -98,7 +98,7 @@ def _round_uv(uv, i, u, v):
 
 @kernel
 def _round_normal(rows, i, a):
-    """Replace the unit normal in column i, which keeps its side of the surface."""
+    """Replace the unit normal in column i, keeping its side of the surface."""
     if dot(column(rows, i), a) < _ZERO:
         a = -a
     _round(rows, i, a)
@@ -108,7 +108,7 @@ def _round_normal(rows, i, a):
 def round_surface_points(rounding, placements, rays, hits, order, count, points):
     """Recompute position, normals and uv of hits in Mitsuba's order of operations.
 
-    Those on one kind of shape; the others stay as they are.
+    Only hits on one kind of shape are changed.
     """
     matrices = rounding.instances
     for i in range(count):

@@ -1,4 +1,4 @@
-"""Hits of flat and curved shapes, rounded as Mitsuba rounds them."""
+"""Hits of flat and curved shapes, with Mitsuba's rounding."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from renderer.scene_file.description import Mesh, Rectangle
 from renderer.scene_file.transforms import place_normals, place_points
 
 # ----------------------------------------------------------------------- instance space
-# Into the space of an instance and back, as Embree and Mitsuba round it.
+# Transforms into an instance and back, with the rounding of Embree and Mitsuba.
 #
-# Embree finds t and (u, v) with its own ray in the object's space; Mitsuba goes there by
-# another inverse, and follows its ray to the t of Embree's. Both agreed in all bits with
-# Mitsuba. `matrices` are those of `instance_matrices`; `instance` is -1 outside of any.
+# Embree finds t and (u, v) with its own object-space ray. Mitsuba transforms by another
+# inverse, and evaluates its ray at Embree's t. Both agreed with Mitsuba in all bits.
+# `matrices` are from `instance_matrices`; `instance` is -1 outside of instances.
 
 
 class ObjectRay(NamedTuple):
@@ -56,7 +56,7 @@ class ObjectRay(NamedTuple):
 
 @kernel
 def embree_ray(matrices, instance, origin, direction):
-    """Return the ray with which Embree intersects."""
+    """Return the object-space ray with which Embree intersects."""
     if instance < 0:
         return ObjectRay(origin, direction)
     x, y, z = column9(matrices, 0, instance)
@@ -68,7 +68,7 @@ def embree_ray(matrices, instance, origin, direction):
 
 @kernel
 def mitsuba_ray(matrices, instance, origin, direction):
-    """Return the ray that Mitsuba follows to the t that Embree found."""
+    """Return the object-space ray that Mitsuba evaluates at Embree's t."""
     if instance < 0:
         return ObjectRay(origin, direction)
     x, y, z = column9(matrices, 12, instance)
@@ -80,7 +80,7 @@ def mitsuba_ray(matrices, instance, origin, direction):
 
 @kernel
 def placed_point(placements, instance, p):
-    """Return an object's point in the world."""
+    """Return an object-space point in the world."""
     if instance < 0:
         return p
     m = affine_at(placements.to_world, instance)
@@ -93,7 +93,7 @@ def placed_point(placements, instance, p):
 
 @kernel
 def placed_vector(placements, instance, a):
-    """Return an object's vector in the world."""
+    """Return an object-space vector in the world."""
     if instance < 0:
         return a
     m = affine_at(placements.to_world, instance)
@@ -102,7 +102,7 @@ def placed_vector(placements, instance, a):
 
 @kernel
 def placed_normal(matrices, instance, n):
-    """Return an object's unit normal in the world, unit."""
+    """Return an object-space unit normal in the world, unit."""
     if instance < 0:
         return n
     x, y, z = column9(matrices, 12, instance)
@@ -110,12 +110,12 @@ def placed_normal(matrices, instance, n):
 
 
 # ---------------------------------------------------------------------------- flat hits
-# Hits on triangles, and on rectangles as two of them, as Embree and Mitsuba round them.
+# Hits on triangles, and on rectangles as two triangles, rounded as by Embree and Mitsuba.
 #
-# (u, v) by Embree's robust test, which uses Plücker coordinates [Davidovic2012]; but
-# inside of groups by its fast one [Moeller1997], since Mitsuba sets the robust flag for
-# the structure of the scene only. Then the vertices weighted by (1 - u - v, u, v). Each
-# agreed in all bits with Mitsuba on thousands of hits.
+# (u, v) is from Embree's robust test with Plücker coordinates [Davidovic2012]. In groups
+# it is from the fast test [Moeller1997], since Mitsuba sets the robust flag for the main
+# scene only. The position is then the vertices weighted by (1 - u - v, u, v). Each agreed
+# with Mitsuba in all bits on thousands of hits.
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -163,14 +163,14 @@ def _barycentric(a, b, c, origin, direction, grouped):
 
 @kernel
 def _weighted(rows, k, w, u, v):
-    """Return the weighted sum of three vectors in a column, the first one last."""
+    """Return the weighted sum of three vectors in a column, the first one added last."""
     a, b, c = column9(rows, 0, k)
     return fused_sum(a, w, fused_sum(b, u, c * v))
 
 
 @kernel
 def _texture_coordinate(uvs, row, k, w, u, v):
-    """Return one weighted texture coordinate, the third one last."""
+    """Return one weighted texture coordinate, the third one added last."""
     first = fused_multiply_add(uvs[row + 2, k], u, uvs[row, k] * w)
     return fused_multiply_add(uvs[row + 4, k], v, first)
 
@@ -199,10 +199,10 @@ def _vertex_normal(normals, k, w, u, v, flat):
 
 
 class ExactTriangles(NamedTuple):
-    """Triangles as Mitsuba has them."""
+    """Triangles with Mitsuba's numbers."""
 
     surfaces: TriangleSurfaces
-    vertices: NDArray[np.float32]  # (9, n) three vertices in turn
+    vertices: NDArray[np.float32]  # (9, n) three vertices in sequence
 
 
 def _exact_triangles(surfaces: TriangleSurfaces, meshes: Sequence[Mesh]) -> ExactTriangles:
@@ -242,7 +242,7 @@ def _exact_rectangles(surfaces: Any, shapes: Sequence[Rectangle]) -> ExactRectan
     edges = vertices[3:6] - vertices[0:3], vertices[6:9] - vertices[0:3]
     up = np.array([[0, 0, 1]])
     normals = [place_normals(shape.to_world, up) for shape in shapes]
-    # the uv of the halves run over the whole rectangle
+    # uv over the whole rectangle
     uvs = np.array([[1, 0, 0, 1, 0, 0], [1, 0, 1, 1, 0, 1]], np.float32)
     return ExactRectangles(
         vertices,
@@ -276,26 +276,26 @@ EXACT[RectangleSurfaces] = _exact_rectangles
 
 
 # -------------------------------------------------------------------------- curved hits
-# Hits on spheres, cylinders and disks, as Mitsuba rounds them.
+# Hits on spheres, cylinders and disks, with Mitsuba's rounding.
 #
-# - spheres and cylinders: t in double precision; the point goes onto the surface;
-# - disks: t in the disk's own space; the point goes onto the plane.
+# - spheres and cylinders: t in double precision; the point is projected to the surface;
+# - disks: t in the disk's object space; the point is projected to the plane.
 #
-# Each agreed in all bits with Mitsuba on 500 to 3000 hits, where no rotation has
-# rounded its radius or matrix first.
+# Each agreed with Mitsuba in all bits on 500 to 3000 hits, unless a rotation had already
+# rounded its radius or matrix.
 
 _TWO_PI = np.float32(2.0 * np.pi)
 
 
 class ExactDisks(NamedTuple):
-    """Disks as Mitsuba has them."""
+    """Disks with Mitsuba's numbers."""
 
     places: NDArray[np.float32]  # (12, n) as in `DiskSurfaces`
     matrices: NDArray[np.float32]  # (24, n), see `both_matrices`
 
 
 class ExactCylinders(NamedTuple):
-    """Cylinders as Mitsuba has them."""
+    """Cylinders with Mitsuba's numbers."""
 
     matrices: NDArray[np.float32]  # (24, n), see `both_matrices`
 
@@ -331,10 +331,10 @@ def _in_double(a):
 
 @kernel
 def _sphere_distance(center, radius, origin, direction):
-    """Return t of the nearer hit ahead, as Mitsuba finds it.
+    """Return t of the nearest hit ahead, as Mitsuba computes it.
 
-    From the point of the ray next to the centre on, in double precision; but that point
-    itself is rounded to single.
+    It is in double precision, relative to the ray's point nearest to the centre. That point
+    itself is rounded to single precision.
     """
     d = _in_double(direction)
     length2 = dot(d, d)
@@ -351,7 +351,7 @@ def _sphere_distance(center, radius, origin, direction):
 
 @kernel
 def _sphere_tangent(spheres, k, center, radius, p):
-    """Return dp/du on a sphere, which turns about its local z axis."""
+    """Return dp/du on a sphere, around its local z axis."""
     x_axis, y_axis = column3(spheres.frame, 0, k), column3(spheres.frame, 3, k)
     inverse = reciprocal_in_matrices(radius)
     x = fused_affine(x_axis * inverse, -dot(x_axis * inverse, center), p)
@@ -372,7 +372,7 @@ def _on_sphere(spheres, k, u, v, probe, ray, grouped):
 
 @kernel
 def _cylinder_distance(o, d):
-    """Return t of the hit on the tube x^2 + y^2 = 1 that is the nearer with 0 <= z <= 1."""
+    """Return t of the nearest hit on the tube x^2 + y^2 = 1 with 0 <= z <= 1."""
     o, d = _in_double(o), _in_double(d)
     a = d.x * d.x + d.y * d.y
     half_b = d.x * o.x + d.y * o.y

@@ -1,4 +1,4 @@
-"""Lights, rounded as Mitsuba rounds them."""
+"""Lights with Mitsuba's rounding."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture, SpotLight
 
 # -------------------------------------------------------------------------------- spots
-# Spot lights in a replay: Mitsuba's way to the angle from the axis.
+# Spot lights in a replay: Mitsuba's computation of the angle from the axis.
 #
-# The angle of a cosine c is off by the rounding of c over the sine, and a falloff over a
-# few degrees by that over their width: near the rim, where it is small, by 1e-3 of
-# itself. With the same operations all bits of 2000 of 2000 samples agreed.
+# The angle of a cosine c has the rounding error of c divided by the sine. A falloff over a
+# few degrees divides that by its width: near the rim, where the falloff is small, it is
+# 1e-3 of its value. With the same operations 2000 of 2000 samples agreed in all bits.
 
-_COSINE = np.float32(3e-7)  # what rounds a cosine near 1: five units in the last place
+_COSINE = np.float32(3e-7)  # rounding of a cosine near 1: five units in the last place
 
-_WIDTH = np.float32(2.0**-23)  # of the cutoff: what rounds the width of a rim
+_WIDTH = np.float32(2.0**-23)  # relative to the cutoff: rounding error of a rim's width
 
 
 class RoundedSpots(NamedTuple):
-    """Spot lights with both ways to round; columns by light id."""
+    """Spot lights with both our and Mitsuba's rounding; columns by light id."""
 
     own: SpotLights
-    theirs: SpotLights  # with the widths of their rims rounded as there
+    theirs: SpotLights  # with Mitsuba's rounding of the rims' widths
     to_local: NDArray[np.float32]  # (9, n) rows of the matrices from the world
 
 
 def rounded_spots(own: SpotLights, lights: dict[int, SpotLight]) -> RoundedSpots:
-    """Return what a replay needs of spot lights, by light id."""
+    """Return the tables of spot lights for a replay, by light id."""
     to_local = np.zeros((9, own.cutoff.size), np.float32)
     for light, spot in lights.items():
         to_local[:, light] = np.linalg.inv(spot.to_world[:3, :3] * spot.scale).ravel()
@@ -89,7 +89,7 @@ def _cosine(spots, light, to_light, mask):
 @sample_light.by(RoundedSpots)
 @kernel
 def _sample(spots, kind, light, mask, position, x, y, z):
-    """Take Mitsuba's falloff where it is off ours by no more than a cosine's rounding."""
+    """Use Mitsuba's falloff if it differs from ours by a cosine's rounding only."""
     own = spots.own
     to_light = gather_vectors(own.position, light, mask) - position
     cosine = axis_cosine(own, light, to_light / length(to_light), mask)
@@ -104,27 +104,27 @@ def _sample(spots, kind, light, mask, position, x, y, z):
 
 
 # -------------------------------------------------------------------------- mesh lights
-# The triangle of a mesh light, chosen as Mitsuba does it: a search in cumulated areas.
+# The triangle of a mesh light, chosen as in Mitsuba: by a search in cumulative areas.
 #
-# It uses up a part of the point's own number and returns the rest; our own way
+# It uses part of one of the point's random numbers and reuses the remainder. Our own method
 # (`renderer.plugins.shapes.triangle`) takes another number, and constant time.
 
 
 class TriangleShares(NamedTuple):
-    """Cumulated areas that choose a triangle of a mesh light."""
+    """Cumulative areas for choosing a triangle of a mesh light."""
 
-    first: NDArray[np.int32]  # (n,) of each light, into the columns below
+    first: NDArray[np.int32]  # (n,) first column of each light's triangles below
     count: NDArray[np.int32]  # (n,)
     area: NDArray[np.float32]  # (n,) of the whole mesh
-    cumulated: NDArray[np.float32]  # (total,) area of a triangle and all before it
-    below: NDArray[np.float32]  # (total,) share of the area before a triangle
-    lost: NDArray[np.float32]  # (total,) what the rounding of `below` has lost
-    share: NDArray[np.float32]  # (total,) of the triangle itself
+    cumulated: NDArray[np.float32]  # (total,) area up to and including a triangle
+    below: NDArray[np.float32]  # (total,) fraction of the area before a triangle
+    lost: NDArray[np.float32]  # (total,) rounding error of `below`
+    share: NDArray[np.float32]  # (total,) fraction of the triangle itself
     prim: NDArray[np.int32]  # (total,) primitive id
 
 
 def triangle_shares(count: int, triangles: Any, meshes: dict[int, Any]) -> TriangleShares:
-    """Return the cumulated areas of mesh lights, rounded as Mitsuba does it."""
+    """Return the cumulative areas of mesh lights, rounded as in Mitsuba."""
     first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
     area = np.zeros(count, np.float32)
     columns: list[list[NDArray[Any]]] = []
@@ -147,9 +147,10 @@ def triangle_shares(count: int, triangles: Any, meshes: dict[int, Any]) -> Trian
 @choose_triangle.by(TriangleShares)
 @kernel
 def _by_search(table, light, mask, y, z):
-    """Find the first triangle that reaches y; the rest is its place within the share.
+    """Find the first triangle that reaches y; return it and the rescaled remainder of y.
 
-    Mitsuba rounds y - cumulated / area once; small triangles need what `below` has lost.
+    Mitsuba rounds y - cumulated / area once. For small triangles the rounding error of
+    `below` is needed for that.
     """
     first = gather_row(table.first, 0, light, mask)
     wanted = y * gather_row(table.area, 0, light, mask)
@@ -169,15 +170,15 @@ def _by_search(table, light, mask, y, z):
 
 
 # ------------------------------------------------------------------------ texture means
-# Means of bitmaps as Mitsuba adds them up: texel after texel, in single precision.
+# Means of bitmaps as Mitsuba sums them: texel after texel, in single precision.
 #
-# A sum of millions that is kept in 24 bits drifts: 0.094297 for 0.094341 of a picture of
+# A sum of millions in 24 bits drifts: 0.094297 instead of 0.094341 for a picture of
 # 2048 x 2048 texels, up to 1 % in others. `plastic` and `roughplastic` choose a lobe by
-# such means, so that all densities of a replay follow. The texels themselves count to the
-# last bit; with these, the means of all 17 images that were tried agree in all bits.
+# such means, so all densities of a replay depend on them, to the last bit of a texel. With
+# these texels the means of all 17 images that were tried agree in all bits.
 
-_SHARE = "specular_share"  # a parameter of coated BSDFs, which follows from two others
-# sRGB to linear above 0.04045 as a quotient of polynomials, off by 1e-7
+_SHARE = "specular_share"  # a parameter of coated BSDFs that follows from two others
+# sRGB to linear above 0.04045 as a quotient of polynomials, error 1e-7
 _ABOVE = (-0.0163933279112946, -0.7386328024653209, -11.199318357635072)
 _ABOVE += (-47.46726633009393, -36.04572663838034)
 _BELOW = (-0.004261480793199332, -19.140923959601675, -59.096406619244426)
@@ -185,7 +186,7 @@ _BELOW += (-18.225745396846637, 1.0)
 
 
 def rounded_shares(materials: MaterialTables) -> Floats:
-    """Return the constant parameters of all BSDFs, with Mitsuba's choices of lobes."""
+    """Return the constant parameters of all BSDFs, with Mitsuba's lobe probabilities."""
     values = materials.values()
     for k, bsdf in enumerate(materials.bsdfs):
         rows = {name: first for name, first, _ in kind_of(bsdf).layout()}
@@ -195,8 +196,8 @@ def rounded_shares(materials: MaterialTables) -> Floats:
             if not (name.endswith(_SHARE) and rows.keys() >= set(both)):
                 continue
             parts = [value_of(bsdf, part) for part in both]
-            # Sums of 10^8 texels may drift by any amount, so no limit would do: a share
-            # that does not follow from the exact means is a defect, or something else.
+            # The drift for 10^8 texels has no useful bound. A share that does not follow
+            # from the exact means is a defect, or something else, and is kept.
             if np.isclose(values[row, k], _share(mean_of, parts), rtol=1e-6, atol=0.0):
                 values[row, k] = _share(rounded_mean, parts)
     return values
@@ -208,7 +209,7 @@ def _share(mean: Callable[[Any], float], parts: Sequence[Any]) -> float:
 
 
 def rounded_mean(texture: Any) -> float:
-    """Return the mean of a texture; only those of bitmaps are rounded in many steps."""
+    """Return the mean of a texture, with Mitsuba's summation for bitmaps."""
     if not isinstance(texture, BitmapTexture):
         kind = kind_of_texture(texture)
         return float(texture) if kind is None else kind.mean(texture, rounded_mean)
@@ -237,7 +238,7 @@ def _linear(encoded: Floats) -> Floats:
 
 
 def _polynomial(x: Floats, coefficients: tuple[float, ...]) -> Floats:
-    """Return c0 + c1 x + c2 x^2 + ..., the terms taken by pairs."""
+    """Return c0 + c1 x + c2 x^2 + ..., with the terms summed in pairs."""
     terms = [np.full_like(x, c) for c in coefficients]
     while len(terms) > 1:
         pairs = zip(terms[::2], terms[1::2], strict=False)

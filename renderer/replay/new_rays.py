@@ -1,4 +1,4 @@
-"""Stage 6 in a replay: origins of rays that leave surfaces, as Mitsuba rounds them."""
+"""Stage 6 in a replay: origins of scattered rays with Mitsuba's rounding."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from renderer.replay.arithmetic import fused_sum
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
-_ORIGIN_ROUNDING = np.float32(1e-6)  # a hundredth of how far off the surface rays start
+_ORIGIN_ROUNDING = np.float32(1e-6)  # a hundredth of the ray offset
 
 
 @kernel
 def _close(a, b, limit):
-    """Return whether two vectors differ by rounding only; NaN is not close to anything."""
+    """Return whether two vectors differ by rounding only; NaN differs from everything."""
     return abs(a.x - b.x) <= limit and abs(a.y - b.y) <= limit and abs(a.z - b.z) <= limit
 
 
@@ -28,7 +28,7 @@ def _size(p):
 
 @kernel
 def _off_surface(points, i, direction, fixed):
-    """Return the origin of a ray in a direction, off the surface by Mitsuba's rule."""
+    """Return the offset origin of a ray in a direction, by Mitsuba's rule."""
     p, normal = column(points.position, i), column(points.normal, i)
     size = _size(p) * fixed
     if dot(normal, direction) < _ZERO:
@@ -37,15 +37,15 @@ def _off_surface(points, i, direction, fixed):
 
 
 class Leaving(NamedTuple):
-    """The record that the hook belongs to; it holds nothing."""
+    """The record of the hook; it has no fields."""
 
 
 @method_kernel
 def round_rays(leaving, settings, rays, end, points):
     """Round the origins of the first `end` rays, which have just left `points`.
 
-    An origin that differs by more than rounding explains stays, so that a replay shows it.
-    Also keep the exact position that each ray leaves.
+    An origin that differs by more than rounding is kept, so that a replay shows it. Also
+    stores the exact position that each ray leaves.
     """
     fixed = np.float32(settings.fixed_offset)
     for k in range(end):

@@ -28,7 +28,7 @@ def pcg32_seed(initstate: ArrayLike) -> NDArray[np.uint64]:
 
 @kernel
 def next_u32(state, pixel):
-    """Return 32 random bits from the generator of a pixel, and move it on."""
+    """Return 32 random bits from the generator of a pixel, and advance it."""
     old = state[pixel]
     state[pixel] = old * _MULTIPLIER + _INCREMENT
     shifted = np.uint32(((old >> np.uint64(18)) ^ old) >> np.uint64(27))
@@ -39,15 +39,15 @@ def next_u32(state, pixel):
 
 @kernel
 def next_float(state, pixel):
-    """Return a number in [0, 1) of 23 bits, as Mitsuba makes it."""
+    """Return a number in [0, 1) of 23 bits, as Mitsuba computes it."""
     return np.float32(next_u32(state, pixel) >> np.uint32(9)) * _BELOW_ONE
 
 
 # ------------------------------------------------------------------------- permutations
-# Pseudo-random permutations, and the cipher behind their keys, bit for bit as in Mitsuba.
+# Pseudo-random permutations, and the cipher for their keys, bit for bit as in Mitsuba.
 #
-# All are 32-bit arithmetic, done here in 64 bits: numba widens anyway, and what overflows
-# is cut off where a shift to the right or a remainder would see it.
+# All is 32-bit arithmetic, done in 64 bits since Numba widens anyway. Overflow is masked
+# where a right shift or a remainder would see it.
 
 LOW_32 = np.uint64(0xFFFFFFFF)
 _ONE = np.uint64(1)
@@ -59,7 +59,7 @@ _FIVE = np.uint64(5)
 def encrypt(v0: Any, v1: Any, rounds: int) -> Any:
     """Return the two 32-bit halves of a block after rounds of TEA [Zafar2010].
 
-    Python, for arrays of uint64 below 2^32; `tea` is the same as a kernel.
+    In Python, for arrays of uint64 below 2^32; `tea` is the same as a kernel.
     """
     total = np.uint64(0)
     for _ in range(rounds):
@@ -76,7 +76,7 @@ tea = kernel(encrypt)
 
 @kernel
 def _mix(x, mask, key):
-    """Apply one step of Kensler's hash: one to one on the numbers up to `mask`."""
+    """Apply one step of Kensler's hash, a bijection on 0 .. `mask`."""
     x = (x ^ key) * np.uint64(0xE170893D)
     x ^= key >> np.uint64(16)
     x ^= (x & mask) >> _FOUR
@@ -95,12 +95,12 @@ def _mix(x, mask, key):
 
 @kernel
 def permute_any_size(index, size, key):
-    """Return where a permutation of 0 .. size - 1 puts `index` [Kensler2013].
+    """Return the image of `index` under a permutation of 0 .. size - 1 [Kensler2013].
 
-    What falls outside is hashed again until it is inside. An index beyond the size may
-    never get there (Mitsuba then hangs); the walk stops after as many steps as there are
-    numbers, so that a kernel always ends. With a key less than `size` below 2^32 the last
-    sum overflows, and two indices share a place: one key in 2^32 / size, in Mitsuba too.
+    Values outside are hashed again until they are inside. An index beyond the size may
+    never get there, and Mitsuba then hangs; here the walk ends after `size` steps. With a
+    key less than `size` below 2^32 the last sum overflows, and two indices share an image:
+    one key in 2^32 / size, in Mitsuba too.
     """
     if size == _ONE:
         return np.uint64(0)
@@ -116,10 +116,10 @@ def permute_any_size(index, size, key):
 
 @kernel
 def permute_power_of_two(index, size, key):
-    """Return where a permutation of 0 .. size - 1 puts `index`; the size is 2^n.
+    """Return the image of `index` under a permutation of 0 .. size - 1; size is 2^n.
 
-    A shuffling network: each bit is flipped or not, as a hash of the bits above it and
-    those already shuffled below it says [Kollig2002].
+    A shuffling network [Kollig2002]: each bit is flipped by a hash of the bits above it and
+    of the shuffled bits below it.
     """
     bit = _ONE
     while bit < size:
@@ -129,16 +129,16 @@ def permute_power_of_two(index, size, key):
 
 
 # --------------------------------------------------------------------------- dimensions
-# The keys of Mitsuba's patterns: one for each pixel, and from it one for each dimension.
+# The keys of Mitsuba's patterns: one per pixel, and derived from it one per dimension.
 #
-# A pattern says where the samples of a pixel lie in one dimension (or a pair). Dimensions
-# are numbered in the order in which a sample draws them; a draw takes one or two.
+# A pattern arranges the samples of a pixel in one dimension, or in a pair. Dimensions are
+# numbered in the order in which a sample draws them; a draw takes one or two.
 
 _HALF = np.float32(0.5)
 
 
 def generator_states(seeds: NDArray[np.uint32], sampler: Sampler) -> NDArray[np.uint64]:
-    """Return the generator of each pixel; its seed plus the sampler's is modulo 2^32."""
+    """Return each pixel's generator, seeded by its seed plus the sampler's modulo 2^32."""
     return pcg32_seed((seeds.astype(np.uint64) + np.uint64(sampler.seed)) & LOW_32)
 
 
@@ -149,7 +149,7 @@ def pattern_keys(seeds: NDArray[np.uint32], sampler: Sampler) -> NDArray[np.uint
 
 
 def no_dimensions(seeds: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Return how many dimensions each pixel has used at the start of a sample: none."""
+    """Return the number of dimensions used at the start of a sample: 0 for each pixel."""
     return np.zeros(seeds.shape, np.uint32)
 
 
@@ -161,7 +161,7 @@ def begin_dimensions(sequence, pixel):
 
 @kernel
 def next_dimension(sequence, pixel):
-    """Return the number of the next dimension of the sample of a pixel, and count it."""
+    """Return the index of the next dimension of a pixel's sample, and advance it."""
     dimension = sequence.dimension[pixel]
     sequence.dimension[pixel] = dimension + np.uint32(1)
     return np.uint64(dimension)
@@ -169,14 +169,14 @@ def next_dimension(sequence, pixel):
 
 @kernel
 def next_key(sequence, pixel):
-    """Return the key of the pattern in the next dimension, and count the dimension."""
+    """Return the key of the pattern in the next dimension, and advance the dimension."""
     dimension = next_dimension(sequence, pixel)
     return (np.uint64(sequence.key[pixel]) + dimension) & LOW_32
 
 
 @kernel
 def place_in_stratum(sequence, pixel):
-    """Return where in its stratum a number lies, in [0, 1); the middle without jitter."""
+    """Return the position of a number in its stratum, in [0, 1); 1/2 without jitter."""
     if sequence.jitter:
         return next_float(sequence.state, pixel)
     return _HALF

@@ -1,9 +1,9 @@
-"""Which seed Mitsuba's scalar variants give the sampler of each pixel.
+"""The seeds of Mitsuba's scalar variants for the sampler of each pixel.
 
-A film is cut into square blocks, which are numbered along a spiral that starts in the
-middle; inside a block pixels are numbered along Morton's curve [Morton1966]. A pixel's seed
-is the number of pixels before it, were every block full, plus the render's seed times the
-pixels of the film; all modulo 2^32.
+A film is divided into square blocks, numbered along a spiral from the middle. Inside a
+block pixels are numbered along the Morton curve [Morton1966]. The seed of a pixel is the
+number of pixels before it, counting every block as full, plus the render's seed times the
+pixels of the film, modulo 2^32.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK_SIZE = 32
-"""Mitsuba's own, for a film with at least as many blocks as it has workers. For a smaller
-film Mitsuba takes smaller blocks, so that its picture depends on the number of workers; the
-harness therefore writes this number into the file's integrator."""
+"""Mitsuba's block size for films with at least as many blocks as workers. For smaller films
+Mitsuba takes smaller blocks, so pictures depend on the number of workers. Therefore the
+harness writes this number into the file's integrator."""
 
 
 def pixel_seeds(
@@ -25,16 +25,16 @@ def pixel_seeds(
     Parameters
     ----------
     width, height : int
-        Of the crop window [pixels].
+        Size of the crop window [pixels].
     seed : int
-        Of the render.
+        Seed of the render.
     block_size : int
         Side of a block [pixels], a power of two.
 
     Returns
     -------
     ndarray of shape (height, width)
-        What `Sampler::seed` is called with.
+        The argument of `Sampler::seed`.
     """
     blocks = spiral_numbers(-(-width // block_size), -(-height // block_size))
     y, x = np.mgrid[:height, :width]
@@ -44,7 +44,7 @@ def pixel_seeds(
 
 
 def morton_number(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the numbers along Morton's curve: the bits of x and y in turn, x lowest."""
+    """Return indices along the Morton curve: the bits of x and y interleaved, x lowest."""
     number = np.zeros(np.broadcast(x, y).shape, np.int64)
     for bit in range(16):
         number |= ((x >> bit) & 1) << (2 * bit) | ((y >> bit) & 1) << (2 * bit + 1)
@@ -52,10 +52,10 @@ def morton_number(x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int6
 
 
 def spiral_numbers(columns: int, rows: int) -> NDArray[np.int64]:
-    """Return the place of each block in the spiral, (rows, columns).
+    """Return the index of each block along the spiral, (rows, columns).
 
     It starts at block (columns // 2, rows // 2) and goes right, down, left, up by 1, 1, 2,
-    2, 3, 3, ... steps; places outside of the film have no number.
+    2, 3, 3, ... steps. Positions outside of the film are not counted.
     """
     numbers = np.full((rows, columns), -1, np.int64)
     x, y = columns // 2, rows // 2

@@ -1,4 +1,4 @@
-"""The mode that replays Mitsuba, and the scenes that it refuses."""
+"""The render mode that replays Mitsuba, and the scenes that it refuses."""
 
 from __future__ import annotations
 
@@ -48,27 +48,27 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.description import EnvironmentMap, Integrator, Sampler, SpotLight
 
 # ----------------------------------------------------------------------------- refusals
-# What cannot be replayed.
+# Scenes that cannot be replayed.
 
-MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
+MOST_SAMPLES = 256  # of `direct` per point: 6 KB of numbers per pixel
 
 
 def check_replay(requested: Integrator, method: str, extended: bool) -> None:
-    """Refuse integrators for which Mitsuba's order of random numbers cannot be followed.
+    """Refuse integrators whose order of random numbers in Mitsuba cannot be followed.
 
     Parameters
     ----------
     requested
         The integrator of the file.
     method
-        What is rendered.
+        Name of the integrator that runs.
     extended
-        Whether lights have an area.
+        Whether lights have an extent.
 
     Raises
     ------
     NotReplayable
-        One line that says why, and what is possible.
+        With one line that gives the reason and what is possible.
     """
     if method == "work":
         raise NotReplayable(
@@ -103,11 +103,11 @@ def check_replay(requested: Integrator, method: str, extended: bool) -> None:
 
 
 # -------------------------------------------------------------------------- replay mode
-# A replay of Mitsuba's numbers and roundings: the interfaces, implemented again.
+# A replay of Mitsuba's numbers and rounding: other implementations of the interfaces.
 
 
 class Planned(Protocol):
-    """The requirements of a replay on a plan."""
+    """The attributes of a plan that a replay reads."""
 
     @property
     def method(self) -> str: ...  # noqa: D102
@@ -126,15 +126,15 @@ class Planned(Protocol):
 
 
 class Replayed:
-    """The way of a replay; see `renderer.rendering.tables.render_mode.Variant`.
+    """The variant for a replay; see `renderer.rendering.tables.render_mode.Variant`.
 
     Parameters
     ----------
     measured_camera
         See `replay.camera.replay_camera`.
     rules
-        Of the version that is followed. What differs by more than a number is another
-        class, with the same interface.
+        Of the Mitsuba version that is followed. A version that differs by more than numbers
+        needs another class with the same interface.
     """
 
     previous_points = True
@@ -147,13 +147,13 @@ class Replayed:
         self._measured_camera = measured_camera
 
     def of_lights(self, media: bool) -> Any:
-        """Return the same as for everything else: it goes back to the last event anyway."""
+        """Return the common arithmetic, which starts from the last event's exact point."""
         return self.arithmetic
 
     def traced(
         self, scene: Scene, plan: Planned, record: Any, sampler: Any
     ) -> tuple[Any, Packed]:
-        """Return the integrator's own loop, or that of media in Mitsuba's order."""
+        """Return the integrator's own loop, or the one for media in Mitsuba's order."""
         if not plan.kind.media:
             return plan.trace, pack(record)
         numbers, mis = sampler.numbers, plan.mis_densities
@@ -162,11 +162,11 @@ class Replayed:
         return trace_in_order, pack(order)
 
     def instead(self, plan: Planned) -> Mapping[Any, Any]:
-        """Return methods of `volpathmis`, whose weights need more than its rays have."""
+        """Return the replaced methods for `volpathmis`, whose weights need other stages."""
         return {0: {}, 1: INSTEAD_OF_ONE, 3: INSTEAD}[plan.mis_densities]
 
     def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
-        """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
+        """Return Mitsuba's random numbers for a scene, by pixel of the full film."""
         camera = scene.description.camera
         shutter = 2 if kind_of_sensor(camera).has_aperture else 1
         film, beyond = camera.film, 2 * camera.film.border
@@ -203,7 +203,7 @@ class Replayed:
         )
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
-        """Return triangles with Mitsuba's normals and dp/du."""
+        """Return the surfaces, triangles with Mitsuba's normals and dp/du."""
         if "triangles" not in surfaces:
             return surfaces
         triangles = surfaces["triangles"]
@@ -213,11 +213,11 @@ class Replayed:
         return surfaces | {"triangles": exact}
 
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
-        """Return cumulated areas."""
+        """Return the cumulative areas of mesh lights."""
         return triangle_shares(count, surfaces, tables)
 
     def lights(self, scene: Scene, lights: LightTables) -> LightTables:
-        """Return them with Mitsuba's ways of environment maps and spot lights."""
+        """Return the lights with Mitsuba's rounding of environment maps and spot lights."""
         description = scene.description
         skies = [sky for sky in description.emitters if isinstance(sky, EnvironmentMap)]
         order = light_order(description).of_emitters
@@ -233,11 +233,11 @@ class Replayed:
         return dataclasses.replace(lights, tables=tables)
 
     def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
-        """Return them with lobes chosen by means of textures as Mitsuba adds them up."""
+        """Return BSDF parameters with lobe probabilities from Mitsuba's texture means."""
         return rounded_shares(materials)
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
-        """Round camera rays, surface points and scattered rays."""
+        """Return the hooks that round camera rays, surface points and scattered rays."""
         camera = replay_camera(scene.description.camera, self._measured_camera)
         return [
             (round_camera_rays, camera),

@@ -1,4 +1,4 @@
-"""Mitsuba's samplers, number by number."""
+"""Mitsuba's samplers, bit for bit."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from renderer.scene_file.description import Sampler
 from renderer.scene_file.objects.films import round_sample_count
 
 # -------------------------------------------------------------------------- independent
-# Mitsuba's `independent`: a generator for each pixel, and no pattern.
+# Mitsuba's `independent`: one generator per pixel, without a pattern.
 
 
 class Independent(NamedTuple):
-    """A generator for each pixel, all of whose samples take numbers one by one."""
+    """One generator per pixel; the pixel's samples draw from it in sequence."""
 
     state: NDArray[np.uint64]  # (pixels,)
 
@@ -44,7 +44,7 @@ def make_independent(seeds: NDArray[np.uint32], sampler: Sampler) -> Independent
 
 @kernel
 def begin_independent(sequence, pixel):
-    """Do nothing: a sample goes on where the one before it stopped."""
+    """Do nothing: a sample continues the generator of the one before it."""
     return
 
 
@@ -62,17 +62,17 @@ def next_independent_2d(sequence, pixel, sample):
 
 
 # --------------------------------------------------------------------------- stratified
-# Mitsuba's `stratified`: in each dimension, one sample of a pixel in each stratum.
+# Mitsuba's `stratified`: in each dimension, each sample of a pixel has its own stratum.
 
 _ONE = np.float32(1.0)
 
 
 class Stratified(NamedTuple):
-    """One number lies in one of `count` strata, a pair in one of side x side cells."""
+    """A single number lies in one of `count` strata, a pair in one of side x side cells."""
 
     state: NDArray[np.uint64]  # (pixels,) generators of the jitter
     key: NDArray[np.uint32]  # (pixels,)
-    dimension: NDArray[np.uint32]  # (pixels,) how many the current sample has used
+    dimension: NDArray[np.uint32]  # (pixels,) dimensions used by the current sample
     count: np.uint64
     side: np.uint64
     jitter: bool
@@ -93,7 +93,7 @@ def make_stratified(seeds: NDArray[np.uint32], sampler: Sampler) -> Stratified:
 
 @kernel
 def next_stratified_1d(sequence, pixel, sample):
-    """Return a number in the stratum that is this sample's in the next dimension."""
+    """Return a number in this sample's stratum of the next dimension."""
     key = next_key(sequence, pixel)
     stratum = permute_any_size(np.uint64(sample), sequence.count, key)
     place = place_in_stratum(sequence, pixel)
@@ -102,13 +102,13 @@ def next_stratified_1d(sequence, pixel, sample):
 
 @kernel
 def next_stratified_2d(sequence, pixel, sample):
-    """Return a pair in the cell that is this sample's in the next dimension."""
+    """Return a pair in this sample's cell of the next dimension."""
     key = next_key(sequence, pixel)
     cell = permute_any_size(np.uint64(sample), sequence.count, key)
     column, row = cell % sequence.side, cell // sequence.side
     x = np.float32(column) + place_in_stratum(sequence, pixel)
     y = np.float32(row) + place_in_stratum(sequence, pixel)
-    # times the rounded reciprocal, as Mitsuba does it: a division rounds differently
+    # multiply by the rounded reciprocal as Mitsuba does; a division rounds differently
     width = _ONE / np.float32(sequence.side)
     return x * width, y * width
 
@@ -116,7 +116,7 @@ def next_stratified_2d(sequence, pixel, sample):
 # -------------------------------------------------------------------------- multijitter
 # Mitsuba's `multijitter`: correlated multi-jittered samples [Kensler2013].
 
-# each permutation of a dimension has its own key, the dimension's times one of these
+# each permutation of a dimension has its own key: the dimension's times one of these
 _ORDER_1D = np.uint64(0x45FBE943)
 _ORDER_2D = np.uint64(0x51633E2D)
 _WITHIN_ROW = np.uint64(0x68BC21EB)
@@ -124,11 +124,11 @@ _WITHIN_COLUMN = np.uint64(0x02E5BE93)
 
 
 class Multijitter(NamedTuple):
-    """Pairs: one in each of columns x rows cells, one in each thin row and column."""
+    """Pairs: one in each of columns x rows cells, and one in each thin row and column."""
 
     state: NDArray[np.uint64]  # (pixels,) generators of the jitter
     key: NDArray[np.uint32]  # (pixels,)
-    dimension: NDArray[np.uint32]  # (pixels,) how many the current sample has used
+    dimension: NDArray[np.uint32]  # (pixels,) dimensions used by the current sample
     columns: np.uint64
     rows: np.uint64
     jitter: bool
@@ -155,7 +155,7 @@ def _permute(index, size, key, purpose):
 
 @kernel
 def next_multijitter_1d(sequence, pixel, sample):
-    """Return a number in the stratum that is this sample's in the next dimension."""
+    """Return a number in this sample's stratum of the next dimension."""
     key = next_key(sequence, pixel)
     count = sequence.columns * sequence.rows
     stratum = _permute(np.uint64(sample), count, key, _ORDER_1D)
@@ -165,7 +165,7 @@ def next_multijitter_1d(sequence, pixel, sample):
 
 @kernel
 def next_multijitter_2d(sequence, pixel, sample):
-    """Return a pair: in its cell, the thin column and row are again its own alone."""
+    """Return a pair in this sample's cell, in a thin column and row of its own."""
     key = next_key(sequence, pixel)
     columns, rows = sequence.columns, sequence.rows
     cell = _permute(np.uint64(sample), columns * rows, key, _ORDER_2D)
@@ -178,7 +178,7 @@ def next_multijitter_2d(sequence, pixel, sample):
     )
     thin_column += place_in_stratum(sequence, pixel)
     thin_row += place_in_stratum(sequence, pixel)
-    # fused in Mitsuba's wheel: one number in twenty would be off by an ulp or two
+    # fused in Mitsuba's wheel: otherwise one number in twenty is off by an ulp or two
     x = fused_multiply_add(thin_column, height, np.float32(column))
     y = fused_multiply_add(thin_row, width, np.float32(row))
     return x * width, y * height
@@ -187,7 +187,7 @@ def next_multijitter_2d(sequence, pixel, sample):
 # --------------------------------------------------------------------------- orthogonal
 # Mitsuba's `orthogonal`: samples from orthogonal arrays [Jarosz2019].
 #
-# Every pair of dimensions is stratified, not only those that are drawn together.
+# Every pair of dimensions is stratified, not only pairs that are drawn together.
 
 _ONE_BIT = np.uint64(1)
 _TWO = np.uint64(2)
@@ -196,14 +196,14 @@ _SUBSTRATUM = np.uint64(0x68BC21EB)
 
 
 class Orthogonal(NamedTuple):
-    """An array of `rows` = side^strength rows; a sample takes one, a dimension a column."""
+    """An array of side^strength rows; a sample uses one row, a dimension one column."""
 
     state: NDArray[np.uint64]  # (pixels,) generators of the jitter
     key: NDArray[np.uint32]  # (pixels,)
-    dimension: NDArray[np.uint32]  # (pixels,) how many the current sample has used
-    side: np.uint64  # a prime, its square is the number of samples
+    dimension: NDArray[np.uint32]  # (pixels,) dimensions used by the current sample
+    side: np.uint64  # a prime whose square is the number of samples
     rows: np.uint64
-    strength: int  # any so many dimensions together are stratified, each in `side` parts
+    strength: int  # any `strength` dimensions are jointly stratified, each in `side` parts
     jitter: bool
 
 
@@ -213,7 +213,7 @@ def make_orthogonal(seeds: NDArray[np.uint32], sampler: Sampler) -> Orthogonal:
     Raises
     ------
     NotReplayable
-        If the array has 2^32 rows or more: their number overflows in Mitsuba, which then
+        If the array has 2^32 rows or more: the number overflows in Mitsuba, which then
         crashes or hangs.
     """
     count = round_sample_count("orthogonal", sampler.sample_count)
@@ -242,7 +242,7 @@ def _bose(row, dimension, side):
         return high, low
     if dimension == 1:
         return low, high
-    # unsigned: the partner of dimension 2 is 3, that of 3 is 2
+    # unsigned arithmetic: the partner of dimension 2 is 3, that of 3 is 2
     partner = dimension - _ONE_BIT if dimension % _TWO == _ONE_BIT else dimension + _ONE_BIT
     stratum = (high + (dimension - _ONE_BIT) * low) & LOW_32
     substratum = (high + (partner - _ONE_BIT) * low) & LOW_32
@@ -253,9 +253,9 @@ def _bose(row, dimension, side):
 def _bush(row, dimension, side, strength):
     """Return the stratum of a row of an array of any strength: a polynomial's value.
 
-    Its coefficients are digits of the row to the base `side`, its argument the dimension.
-    Mitsuba's first coefficient is not a digit but row - row * side (modulo 2^32), and the
-    others are one digit late; so is this.
+    The coefficients are the digits of the row in base `side`, the argument is the
+    dimension. In Mitsuba the first coefficient is not a digit but row - row * side (modulo
+    2^32), and the others are late by one digit. This function copies that.
     """
     value = row - row * side
     power, rest = dimension, row
@@ -268,7 +268,7 @@ def _bush(row, dimension, side, strength):
 
 @kernel
 def next_orthogonal_1d(sequence, pixel, sample):
-    """Return a number in the stratum that the array gives in the next dimension."""
+    """Return a number in the array's stratum of the next dimension."""
     dimension = next_dimension(sequence, pixel)
     key, side, rows = np.uint64(sequence.key[pixel]), sequence.side, sequence.rows
     index, parts = np.uint64(sample), rows // side
@@ -300,17 +300,17 @@ _NINE = np.uint64(9)
 _TOP_BIT = np.uint64(1 << 31)
 _STEP_23 = np.float32(2.0**-23)
 _STEP_32 = np.float32(2.0**-32)
-# which number of the cipher scrambles single numbers, and which pairs
+# arguments of the cipher for the scrambles of single numbers and of pairs
 _SCRAMBLE_1D = 0x48BC48EB
 _SCRAMBLE_2D = 0x98BC51AB
 
 
 class LowDiscrepancy(NamedTuple):
-    """The same points in all dimensions of a pixel, in another order in each."""
+    """The same points in all dimensions of a pixel, in a different order in each."""
 
     key: NDArray[np.uint32]  # (pixels,)
     scramble: NDArray[np.uint32]  # (3, pixels) of single numbers, of x, of y
-    dimension: NDArray[np.uint32]  # (pixels,) how many the current sample has used
+    dimension: NDArray[np.uint32]  # (pixels,) dimensions used by the current sample
     count: np.uint64  # a power of 4
 
 
@@ -331,7 +331,7 @@ def make_low_discrepancy(seeds: NDArray[np.uint32], sampler: Sampler) -> LowDisc
 
 @kernel
 def van_der_corput(index, scramble):
-    """Return the bits of a 32-bit index mirrored at the point, in [0, 1), 23 of them."""
+    """Return the radical inverse of a 32-bit index in base 2, in [0, 1), with 23 bits."""
     bits, bit = scramble, _TOP_BIT
     while index != np.uint64(0):
         bits ^= bit * (index & _ONE_BIT)
@@ -344,7 +344,7 @@ def van_der_corput(index, scramble):
 def sobol(index, scramble):
     """Return Sobol's second dimension at a 32-bit index [Kollig2002].
 
-    All 32 bits are rounded to float32, so the largest give 1, in Mitsuba too.
+    All 32 bits are rounded to float32, so the largest indices give 1, in Mitsuba too.
     """
     bits, column = scramble, _TOP_BIT
     while index != np.uint64(0):
@@ -356,7 +356,7 @@ def sobol(index, scramble):
 
 @kernel
 def next_low_discrepancy_1d(sequence, pixel, sample):
-    """Return van der Corput's number at this sample's place in the next dimension."""
+    """Return van der Corput's number at this sample's index in the next dimension."""
     key = next_key(sequence, pixel)
     index = permute_power_of_two(np.uint64(sample), sequence.count, key)
     return van_der_corput(index, np.uint64(sequence.scramble[0, pixel]))
@@ -364,7 +364,7 @@ def next_low_discrepancy_1d(sequence, pixel, sample):
 
 @kernel
 def next_low_discrepancy_2d(sequence, pixel, sample):
-    """Return the (0, 2)-sequence's point at this sample's place in the next dimension."""
+    """Return the (0, 2)-sequence's point at this sample's index in the next dimension."""
     key = next_key(sequence, pixel)
     index = permute_power_of_two(np.uint64(sample), sequence.count, key)
     x = van_der_corput(index, np.uint64(sequence.scramble[1, pixel]))

@@ -1,6 +1,6 @@
-"""Sequences of Mitsuba's samplers, and the numbers of a bounce drawn ahead.
+"""The random number sequences of Mitsuba's samplers, and the numbers of a bounce.
 
-Which numbers a sampler of Mitsuba hands out: one function for each kind of record.
+A sampler's numbers come from functions that are implemented for each kind of record.
 """
 
 from __future__ import annotations
@@ -82,39 +82,39 @@ def make_sequence(seeds: NDArray[np.uint32], sampler: Sampler) -> Sequence:
     Parameters
     ----------
     seeds : ndarray of shape (pixels,)
-        What Mitsuba calls `Sampler::seed` with, at each pixel.
+        Mitsuba's argument of `Sampler::seed` for each pixel.
     sampler : Sampler
-        Its own seed is added or mixed in; its sample count is rounded as Mitsuba does.
+        Its own seed is added or mixed in; its sample count is rounded as in Mitsuba.
 
     Raises
     ------
     NotReplayable
-        If an orthogonal array of this strength has too many rows.
+        If an orthogonal array of this strength would have too many rows.
     """
     return MAKERS[sampler.name](seeds, sampler)
 
 
 def begin_sample(sequence: Any, pixel: int) -> None:
-    """Tell the sequence that a new sample of a pixel begins."""
+    """Begin a new sample of a pixel."""
     raise TypeError("inside kernels only")
 
 
 def next_1d(sequence: Any, pixel: int, sample: int) -> Any:
-    """Return the next number of a sample, 0 the first of its pixel; float32 in [0, 1)."""
+    """Return the next number of sample 0, 1, ... of its pixel; float32 in [0, 1)."""
     raise TypeError("inside kernels only")
 
 
 def next_2d(sequence: Any, pixel: int, sample: int) -> Any:
     """Return the next pair of numbers of a sample, float32 in [0, 1).
 
-    Except for `independent` the pair differs from two results of `next_1d`. The y
-    of `ldsampler` can be 1, as in Mitsuba.
+    Except for `independent` the pair is not two results of `next_1d`. The y of `ldsampler`
+    can be 1, as in Mitsuba.
     """
     raise TypeError("inside kernels only")
 
 
 def skip_1d(sequence: Any, pixel: int) -> None:
-    """Do as a masked draw of Mitsuba's: the dimension is used, no number is."""
+    """Skip a number as Mitsuba's masked draw does: only the dimension advances."""
     raise TypeError("inside kernels only")
 
 
@@ -154,22 +154,21 @@ def _next_2d(sequence, pixel, sample):
 
 
 # -------------------------------------------------------------------------- drawn ahead
-# The numbers of a replay, drawn ahead: a sampler like the others for all stages.
+# The numbers of a replay are drawn at the start of a bounce, by a sampler like the others.
 #
-# Mitsuba draws from one stream for each pixel, one sample after the other, and how many
-# numbers a bounce takes depends on what is hit. So they are drawn at the start of the
-# bounce (`begin_bounce`) and stored by pixel; the stages read them as from any other
-# sampler. Samples of a pixel never go together (`Plan.level` is 0): each slot is a pixel.
+# Mitsuba draws from one stream per pixel, one sample after the other, and the numbers of a
+# bounce depend on the hit. So they are drawn at the start of the bounce (`begin_bounce`)
+# and stored by pixel; the stages read them as from any other sampler. Samples of a pixel
+# are never traced together (`Plan.level` is 0): each slot is a pixel.
 #
-# Order within a sample (Mitsuba, src/render/integrator.cpp,
-# src/integrators/path.cpp): the place on the film, and that on the lens if there is one;
-# one number for the time if the shutter stays open; then at each hit from which the path
-# may go on: two numbers for a light sample if the surface has a smooth part (whichever
-# side is seen), one and two for the BSDF, one for the roulette. All are drawn even if
-# they are unused. `direct` plays no roulette and draws the BSDF's two before its one:
-# they are arguments of one call, which the wheel's compiler evaluates from the right.
-# Where it takes several samples at a point, those of the lights come first, then those of
-# the BSDF.
+# Order within a sample (Mitsuba, src/render/integrator.cpp, src/integrators/path.cpp): the
+# film position, and the lens position if there is a lens; one number for the time if the
+# shutter stays open. Then at each hit from which the path may continue: two numbers for a
+# light sample if the surface has a smooth lobe (on either side), one and two for the BSDF,
+# one for the roulette. All are drawn even if unused. `direct` plays no roulette and draws
+# the BSDF's two before its one: they are arguments of one call, which the wheel's compiler
+# evaluates from right to left. With several samples per point, the light samples come
+# before the BSDF samples.
 
 # rows of `Replay.numbers`
 FILM = 0  # x, y in the pixel
@@ -178,30 +177,30 @@ BSDF_CHOICE = 4
 BSDF = 5  # x, y
 ROULETTE = 7
 LIGHT = 8  # x, y
-SET = 6  # rows from BSDF_CHOICE on: as many more for each further sample of `direct`
+SET = 6  # number of rows from BSDF_CHOICE on, per further sample of `direct`
 
 
 def rows_of(samples: int) -> int:
-    """Return how many rows `Replay.numbers` needs for so many samples at a point."""
+    """Return the number of rows of `Replay.numbers` for a number of samples per point."""
     return BSDF_CHOICE + SET * max(samples, 1)
 
 
 class Replay(NamedTuple):
-    """Numbers drawn ahead from a sampler of Mitsuba's, by pixel of the full film."""
+    """Numbers drawn in advance from a sampler of Mitsuba's, by pixel of the full film."""
 
     sequence: Any  # a record of renderer.replay.sequences
     numbers: NDArray[np.float32]  # (rows_of(samples), pixels)
-    smooth: NDArray[np.int32]  # (shapes,) 1: light samples are drawn at this shape
-    lights: int  # samples of lights at a point
-    bsdf: int  # samples of the BSDF; 0: the integrator draws nothing for BSDFs
-    direct: int  # 1: in the order of `direct`, 0: in that of `path`
-    # when a time is drawn with each camera ray; 0: never, 1: after the film, 2: the lens
+    smooth: NDArray[np.int32]  # (shapes,) 1: light samples are drawn on this shape
+    lights: int  # light samples per point
+    bsdf: int  # BSDF samples per point; 0: the integrator draws no numbers for BSDFs
+    direct: int  # 1: the order of `direct`, 0: the order of `path`
+    # draw of a camera ray's time; 0: none, 1: after the film position, 2: after the lens
     shutter: int
 
 
 @method_kernel
 def draw_film(sampler, tile, sample, film):
-    """Begin a sample of each pixel of a tile: draw its place on the film."""
+    """Begin a sample of each pixel of a tile: draw its film position."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
         x, y = slot_pixel(slot, 0)
@@ -218,7 +217,7 @@ def draw_film(sampler, tile, sample, film):
 
 @method_kernel
 def draw_aperture(sampler, tile, sample, film):
-    """Draw where on the lens the sample of each pixel of a tile lies."""
+    """Draw the lens position of the sample of each pixel of a tile."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
         x, y = slot_pixel(slot, 0)
@@ -253,9 +252,9 @@ def _draw_bsdf(sampler, pixel, sample):
 
 @method_kernel
 def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
-    """Draw what the first paths need at the surfaces that they have just hit.
+    """Draw the numbers that the first `count` paths need at the surfaces just hit.
 
-    `shape` is the scene's, by primitive id.
+    `shape` is the shape id by primitive id.
     """
     sequence, numbers = sampler.sequence, sampler.numbers
     for i in range(count):
@@ -273,20 +272,20 @@ def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
 
 @kernel
 def _pixels(numbers, tile, slots, i):
-    """Return the pixels of slots i to i + 15, and which are on the film."""
+    """Return the pixels of slots i to i + 15, and the mask of those on the film."""
     pixel = sample_key(tile, load_row(slots, 0, i)).pixel
     return as_i32(pixel), pixel < np.uint32(numbers.shape[1])
 
 
 @kernel
 def _first_row(sampler, block):
-    """Return the rows' offset for a block of numbers: `direct` counts its samples in it."""
+    """Return the row offset of a block of numbers; `direct` has rows for each sample."""
     return np.int64(0) if sampler.direct == 0 else SET * (block // BLOCKS_PER_BOUNCE)
 
 
 @method_kernel
 def draw(sampler, tile, sample, block, slots, count, numbers):
-    """Hand out x, y, choice and roulette of the BSDF."""
+    """Write x, y, choice and roulette numbers of the BSDF to `numbers`."""
     drawn, first = sampler.numbers, _first_row(sampler, block)
     for i in range(0, count, 16):
         pixel, inside = _pixels(drawn, tile, slots, i)
@@ -298,7 +297,7 @@ def draw(sampler, tile, sample, block, slots, count, numbers):
 
 @method_kernel
 def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbers, light):
-    """Hand out x and y of the light; x chooses it, and the rest of x is its sample's."""
+    """Write the light, chosen by x, and its numbers: the remainder of x, and y."""
     drawn, first = sampler.numbers, _first_row(sampler, block)
     for i in range(0, count, 16):
         pixel, inside = _pixels(drawn, tile, slots, i)

@@ -1,1 +1,1 @@
-"""The renderer once more, to be read: one ray at a time, in plain Python and NumPy."""
+"""The renderer written to be read: one ray at a time, in plain Python and NumPy."""

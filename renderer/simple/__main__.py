@@ -1,4 +1,4 @@
-"""`python -m renderer.simple SCENE.xml -o OUT.png`: a scene file into a picture, slowly."""
+"""`python -m renderer.simple SCENE.xml -o OUT.png`: render a scene file, slowly."""
 
 from renderer.__main__ import command
 

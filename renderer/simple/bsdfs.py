@@ -1,12 +1,12 @@
-"""The protocol of a BSDF, and the smooth surfaces: diffuse, metal, glass, plastic.
+"""The BSDF interface, and the smooth BSDFs: diffuse, conductor, dielectric, plastic.
 
-Directions are local: z is the shading normal, wo points to where the path comes from, wi to
-where it goes on. Both are unit vectors away from the surface, so that reflected light has
-wo.z wi.z > 0, and transmitted light wo.z wi.z < 0.
+Directions are in the local frame: z is the shading normal, wo points to the previous vertex
+of the path, wi to the next. Both are unit vectors away from the surface. Reflection has
+wo.z wi.z > 0, transmission wo.z wi.z < 0.
 
-A mirror and smooth glass scatter into single directions. There f and the density are
-infinite, and their quotient is finite: `sample` and `branches` return the quotient, and
-`eval_pdf` returns 0.
+Smooth conductors and dielectrics have delta lobes. There f and the density are infinite,
+but their quotient is finite: `sample` and `branches` return the quotient, and `eval_pdf`
+returns 0.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Lobe(Enum):
 
 
 class BsdfSample(NamedTuple):
-    """The direction in which a path goes on."""
+    """A BSDF sample."""
 
     wi: Vector  # unit, local
-    weight: Vector  # f |cos| / pdf, or of a single direction f over its probability
-    pdf: float  # [1/sr] of wi, or the probability of the single direction
-    eta: float = 1.0  # index of refraction of the side of wi over that of wo
+    weight: Vector  # f |cos| / pdf; of a delta lobe, f over its probability
+    pdf: float  # [1/sr] of wi; of a delta lobe, its probability
+    eta: float = 1.0  # index of refraction on the side of wi over that on the side of wo
     lobe: Lobe = Lobe.SMOOTH
 
 
@@ -58,7 +58,7 @@ class Bsdf:
         The surface point at which textures are looked up.
     """
 
-    oriented = False  # whether x of the local frame has to be along dp/du
+    oriented = False  # whether the local x axis must be along dp/du
 
     def __init__(self, bsdf: Any, hit: Hit) -> None: ...
 
@@ -67,23 +67,23 @@ class Bsdf:
         return BLACK, 0.0
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose wi by three numbers in [0, 1): two for a direction, one for a lobe."""
+        """Sample wi from three numbers in [0, 1): two for a direction, one for a lobe."""
         return NOTHING
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return all single directions; `weight` is the share of light that each carries.
+        """Return all delta lobes; `weight` is the fraction of light in each.
 
-        Their `pdf` is the probability with which `sample` chooses them.
+        `pdf` is the probability with which `sample` chooses the lobe.
         """
         return []
 
     def chosen(self, wo: Vector, wi: Vector, eta: float = 1.0) -> BsdfSample:
-        """Return the sample for a direction of a smooth lobe; `NOTHING` if its pdf is 0."""
+        """Return the sample of a smooth lobe for a direction; `NOTHING` if its pdf is 0."""
         f_cos, pdf = self.eval_pdf(wo, wi)
         return BsdfSample(wi, f_cos / pdf, pdf, eta) if pdf > 0.0 else NOTHING
 
 
-# ---------------------------------------------------------------------------- the formulas
+# -------------------------------------------------------------------------------- formulas
 
 
 def reflect(wo: Vector, n: Vector) -> Vector:
@@ -92,24 +92,24 @@ def reflect(wo: Vector, n: Vector) -> Vector:
 
 
 def refract(wo: Vector, n: Vector, eta: float) -> Vector:
-    """Return wo bent by Snell's law, sin_t = sin_i / eta, to the other side of n.
+    """Return wo refracted by Snell's law, sin_t = sin_i / eta, to the other side of n.
 
-    There has to be such a direction: below the critical angle.
+    The angle must be below the critical angle.
     """
     across = (wo - (wo @ n) * n) / eta
     return normalize(-across - np.sqrt(max(1.0 - float(across @ across), 0.0)) * n)
 
 
 def fresnel(cosine: float, eta: Any) -> Any:
-    """Return how much light a smooth surface reflects, the mean of both polarisations.
+    """Return the Fresnel reflectance, averaged over both polarisations.
 
-    `eta` is the index of refraction behind the surface over that before it; for a metal it
-    is complex, and an array for several colours. Beyond the critical angle the root is
-    imaginary, and all is reflected.
+    `eta` is the index of refraction behind the surface over that in front of it. For a
+    metal it is complex, and an array for several colours. Beyond the critical angle the
+    root is imaginary and the reflectance is 1.
     """
     eta2 = np.asarray(eta, np.complex128) ** 2
     if np.all(eta2 == 1.0):
-        return np.zeros(eta2.shape)  # there is no surface
+        return np.zeros(eta2.shape)  # equal indices: no surface
     root = np.sqrt(eta2 - (1.0 - cosine**2))
     perpendicular = (cosine - root) / (cosine + root)
     parallel = (eta2 * cosine - root) / (eta2 * cosine + root)
@@ -117,13 +117,13 @@ def fresnel(cosine: float, eta: Any) -> Any:
 
 
 def reflectance_of_glass(cosine: float, eta: float) -> float:
-    """Return Fresnel's reflectance for cos(wo, n): from outside, or if negative inside.
+    """Return the Fresnel reflectance for cos(wo, n), which is negative inside the glass.
 
     `eta` is the index of refraction inside over that outside.
     """
     behind = eta if cosine >= 0.0 else 1.0 / eta
     if 1.0 - cosine**2 >= behind**2 and behind != 1.0:
-        return 1.0  # beyond the critical angle exactly
+        return 1.0  # exactly 1 beyond the critical angle
     return float(fresnel(abs(cosine), behind))
 
 
@@ -134,56 +134,56 @@ def complex_index(bsdf: Any, hit: Hit) -> Vector:
 
 
 def color(texture: Texture, hit: Hit) -> Vector:
-    """Return a parameter that is a colour."""
+    """Evaluate a parameter that is a colour."""
     return eval_texture(texture, *hit.uv)
 
 
 def number(texture: Texture | float, hit: Hit) -> float:
-    """Return a parameter that is a number."""
+    """Evaluate a parameter that is a number."""
     return eval_number(texture, *hit.uv)
 
 
-# ---------------------------------------------------------------------------- the surfaces
+# ----------------------------------------------------------------------------------- BSDFs
 
 
 class Diffuse(Bsdf):
-    """The same radiance into all directions: f = albedo / pi [Lambert1760]."""
+    """A Lambertian surface: f = albedo / pi [Lambert1760]."""
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         self.albedo = color(bsdf.reflectance, hit)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f cos and the density of the cosine."""
+        """Return f cos and the cosine-weighted density."""
         if wo[2] <= 0.0 or wi[2] <= 0.0:
             return BLACK, 0.0
         return self.albedo / math.pi * wi[2], wi[2] / math.pi
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose by the cosine: f cos / pdf is the albedo."""
+        """Sample the cosine-weighted hemisphere: f cos / pdf is the albedo."""
         return self.chosen(wo, square_to_cosine_hemisphere(*numbers[:2]))
 
 
 class Conductor(Bsdf):
-    """A mirror of metal."""
+    """A smooth conductor."""
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         self.index = complex_index(bsdf, hit)
         self.tint = color(bsdf.specular_reflectance, hit)
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return the mirrored direction."""
+        """Return the mirror direction."""
         if wo[2] <= 0.0:
             return []
         weight = self.tint * fresnel(float(wo[2]), self.index)
         return [BsdfSample(reflect(wo, UP), weight, 1.0, lobe=Lobe.DELTA)]
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose the one direction there is."""
+        """Return the mirror direction."""
         return next(iter(self.branches(wo)), NOTHING)
 
 
 class Dielectric(Bsdf):
-    """Glass: a mirrored and a refracted direction, each as often as Fresnel says."""
+    """Glass: a mirrored and a refracted direction, with Fresnel probabilities."""
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         self.eta = bsdf.eta
@@ -193,14 +193,14 @@ class Dielectric(Bsdf):
         )
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return both directions, with the share of light that takes each."""
+        """Return both directions, with the fraction of light in each."""
         mirrored = reflectance_of_glass(wo[2], self.eta)
         n, eta = (UP, self.eta) if wo[2] >= 0.0 else (-UP, 1.0 / self.eta)
         found = [
             BsdfSample(reflect(wo, n), self.tints[0] * mirrored, mirrored, lobe=Lobe.DELTA)
         ]
         if mirrored < 1.0:
-            # radiance thins out by eta^2 where its rays spread [Veach1997, 5.2]
+            # radiance is scaled by 1 / eta^2 where rays spread [Veach1997, 5.2]
             weight = self.tints[1] * (1.0 - mirrored) / eta**2
             wi = refract(wo, n, eta)
             found.append(BsdfSample(wi, weight, 1.0 - mirrored, eta, Lobe.DELTA))
@@ -214,14 +214,14 @@ class Dielectric(Bsdf):
 
 
 class ThinDielectric(Dielectric):
-    """A pane of glass, both of its surfaces at once: light is mirrored or goes straight on.
+    """A pane of glass, both surfaces at once: light is mirrored or passes undeflected.
 
-    With the reflectance R and T = 1 - R of one surface, the reflections back and forth
-    between the two add up to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
+    With the reflectance R and T = 1 - R of one surface, the interreflections between the
+    two sum to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
     """
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return both directions, with the share of light that takes each."""
+        """Return both directions, with the fraction of light in each."""
         once = reflectance_of_glass(abs(wo[2]), self.eta)
         mirrored, through = 2.0 * once / (1.0 + once), (1.0 - once) / (1.0 + once)
         back = np.array([-wo[0], -wo[1], wo[2]])
@@ -233,24 +233,24 @@ class ThinDielectric(Dielectric):
 
 
 class Null(Bsdf):
-    """A surface that is not there."""
+    """A surface without effect on light."""
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return the direction straight on."""
+        """Return the undeflected direction."""
         return [BsdfSample(-wo, WHITE, 1.0, lobe=Lobe.STRAIGHT)]
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Go straight on."""
+        """Return the undeflected direction."""
         return self.branches(wo)[0]
 
 
 class Coated(Bsdf):
-    """What smooth and rough plastic share: a diffuse base under a clear coat.
+    """The common part of smooth and rough plastic: a diffuse base under a clear coat.
 
-    Light enters through the coat, the base scatters it, the coat throws a share of it back
-    (`thrown_back`, a mean over all angles, which the reader of the scene computes), and so
-    on: a geometric series [Saunderson1942]. With `nonlinear` it takes on the base's colour
-    each time that it comes back.
+    Light enters through the coat and is scattered by the base. The coat reflects the
+    fraction `thrown_back` of it to the base, and so on: a geometric series
+    [Saunderson1942]. The fraction is a mean over all angles; the scene reader computes it.
+    With `nonlinear` the base's colour is applied at each scattering.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
@@ -261,14 +261,14 @@ class Coated(Bsdf):
         self.base = base / (1.0 - again) / self.eta**2
 
     def coat_probability(self, mirrored: float) -> float:
-        """Return how often the coat is sampled, which reflects this share of the light."""
+        """Return the probability of sampling the coat, given its reflectance."""
         coat = mirrored * self.specular_share
         base = (1.0 - mirrored) * (1.0 - self.specular_share)
         return float(coat / (coat + base)) if coat + base > 0.0 else 0.0
 
 
 class Plastic(Coated):
-    """A smooth coat, which mirrors."""
+    """A smooth coat over a diffuse base."""
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
         """Return f cos and density of the base."""
@@ -279,7 +279,7 @@ class Plastic(Coated):
         return f_cos, (1.0 - self.coat_probability(out)) * wi[2] / math.pi
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return the direction that the coat mirrors."""
+        """Return the coat's mirror direction."""
         if wo[2] <= 0.0:
             return []
         mirrored = reflectance_of_glass(wo[2], self.eta)

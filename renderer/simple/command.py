@@ -1,4 +1,4 @@
-"""The command `python -m renderer.simple`, whose options are some of `lightproof`."""
+"""The command `python -m renderer.simple`, with a subset of the options of `lightproof`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from renderer.process.signals import leave_deleted_folder
 from renderer.simple.path_tracer import estimates
 from renderer.simple.scene import INTEGRATORS, Scene
 
-if TYPE_CHECKING:  # needs Numba, which `--help` does not wait for
+if TYPE_CHECKING:  # needs Numba, which `--help` must not load
     from renderer.rendering.picture.image import Image
     from renderer.scene_file import SceneDescription
 
@@ -58,7 +58,7 @@ def _read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
-    with interrupts.put_off():  # C code, in whose import no interrupt must fall
+    with interrupts.put_off():  # C code, whose import must not be interrupted
         importlib.import_module("renderer.rendering.picture.image")
     leave_deleted_folder(options, needs_output=True)
     options.output = options.output or [OUTPUT]
@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
 def _render(
     description: SceneDescription, options: argparse.Namespace, interrupts: Interrupts
 ) -> Image:
-    """Return the picture; after Ctrl-C that of the samples so far."""
+    """Return the picture; after Ctrl-C, the picture of the samples so far."""
     from renderer.rendering.picture.image import Image
     from renderer.rendering.progress_display import Progress, ProgressDisplay
 

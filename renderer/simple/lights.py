@@ -1,7 +1,7 @@
-"""Lights: a direction towards one at random, and the density it was chosen with.
+"""Lights: sample a direction towards a light, and its density.
 
-Point, spot and directional lights are seen in one direction alone. No path meets them, and
-their density is 0 by convention.
+Point, spot and directional lights are delta lights: a BSDF sample cannot hit them. Their
+density is 0 by convention.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ SPHERE_PDF = 1.0 / (4.0 * math.pi)
 
 
 class LightSample(NamedTuple):
-    """One direction to a light."""
+    """A light sample."""
 
     wi: Vector  # unit, towards the light
     distance: float
-    radiance: Vector  # that arrives unless something is in between, over the density
-    pdf: float  # [1/sr] of wi; 0: there is no other direction
+    radiance: Vector  # unoccluded incident radiance / pdf
+    pdf: float  # [1/sr] of wi; 0 for a delta light
 
 
 def sample_light(light: Light, p: Vector, x: float, y: float, z: float) -> LightSample:
-    """Choose a direction from the point p towards a light with x, y, z in [0, 1)."""
+    """Sample a direction from the point p to a light with x, y, z in [0, 1)."""
     match light:
         case PointLight():  # I / r^2 [Appel1968]
             return _towards(np.array(light.position) - p, np.array(light.intensity))
-        case SpotLight():  # fades linearly in angle
+        case SpotLight():  # linear falloff in the angle
             to_light = light.to_world[:3, 3] - p
             cosine = float(-normalize(to_light) @ normalize(light.to_world[:3, 2]))
             angle = math.degrees(math.acos(min(cosine, 1.0)))
@@ -72,14 +72,14 @@ def _towards(to_light: Vector, intensity: Vector) -> LightSample:
 
 
 def _sample_surface(light: Surface, p: Vector, x: float, y: float, z: float) -> LightSample:
-    """Choose a point of an area light by its area; on a sphere, a direction instead."""
+    """Sample an area light uniformly by area; a sphere by its cone of directions."""
     hit: Hit | None
     if cone := _cone(light, p):
-        # a point on the lamp itself does not see it where it is
+        # a point on the lamp itself: reject the hit at t = 0
         hit = light.hit(p, _in_cone(*cone, x, y), 1e-12, math.inf)
     else:
         hit = light.at(np.array(light.unit.point(x, y)), choose_face(light, z), p)
-    if hit is None or hit.light is None:  # past the silhouette by rounding, or behind
+    if hit is None or hit.light is None:  # rounding at the silhouette, or the back
         return LightSample(np.zeros(3), 0.0, np.zeros(3), 0.0)
     pdf = pdf_light(light, p, -hit.wo, hit)
     return LightSample(-hit.wo, hit.t, np.array(light.radiance) / pdf, pdf)
@@ -90,7 +90,7 @@ def pdf_light(
 ) -> float:
     """Return the density [1/sr] with which `sample_light` chooses the direction d to a hit.
 
-    From density per area to density per solid angle: r^2 / (A cos).
+    Area density becomes solid-angle density: r^2 / (A cos).
     """
     if isinstance(light, Sky):
         return light.pdf(d)
@@ -98,30 +98,30 @@ def pdf_light(
         return SPHERE_PDF
     if cone := _cone(light, p):
         return 1.0 / (2.0 * math.pi * cone[1])
-    squared = float(np.sum((hit.x - p) ** 2))  # not t: p may lie before the ray's origin
+    squared = float(np.sum((hit.x - p) ** 2))  # not t: p may be before the ray's origin
     return squared / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
 
 
 def power_heuristic(pdf: float, other_pdf: float) -> float:
-    """Return the weight of a direction drawn with `pdf` that `other_pdf` could have drawn.
+    """Return the power heuristic's weight of a sample drawn with `pdf`.
 
-    Two ways lead to the same light; their weights add up to 1 [Veach1997]. A way that is
-    taken several times counts with the sum of its densities.
+    `other_pdf` is the density of the other technique for the same direction; the weights of
+    both add up to 1 [Veach1997]. Multiply a density by the technique's number of samples.
     """
     return 1.0 / (1.0 + (other_pdf / pdf) ** 2)
 
 
 def choose_face(mesh: Surface, z: float) -> int:
-    """Return one of a light's faces, in proportion to their areas."""
+    """Return one face of an area light, in proportion to face areas."""
     cumulated = np.cumsum(mesh.face_areas)
     return int(np.searchsorted(cumulated, z * cumulated[-1], side="right"))
 
 
 def _cone(light: Surface, p: Vector) -> tuple[Vector, float] | None:
-    """Return the cone that a sphere fills, seen from p: axis, 1 - cos of its half angle.
+    """Return the cone that a sphere subtends at p: axis, 1 - cos of the half angle.
 
-    None for other shapes, and from inside. On the sphere itself the side that shines says
-    which it is, not rounding.
+    None for other shapes, and inside the sphere. On the sphere itself, the side of the
+    emission decides whether p is inside, not rounding.
     """
     if not isinstance(light.shape, Sphere):
         return None
@@ -136,7 +136,7 @@ def _cone(light: Surface, p: Vector) -> tuple[Vector, float] | None:
 
 
 def _in_cone(axis: Vector, one_minus_cos: float, x: float, y: float) -> Vector:
-    """Return a direction in the cone, uniformly: cos theta linear in x [Akalin2015]."""
+    """Sample the cone uniformly: cos theta is linear in x [Akalin2015]."""
     height = x * one_minus_cos  # 1 - cos theta
     sine, phi = math.sqrt(height * (2.0 - height)), 2.0 * math.pi * y
     s, t = orthonormal_basis(-axis)

@@ -1,6 +1,6 @@
-"""BSDFs that hold other BSDFs, the table of all BSDFs by name, and the step to the world.
+"""Nested BSDFs, the table of all BSDFs by name, and BSDFs in world space.
 
-The integrators use `Material`: the BSDF at a surface point, for directions in the world.
+The integrators use `Material`: the BSDF at a surface point, for world directions.
 """
 
 from __future__ import annotations
@@ -38,51 +38,51 @@ Numbers = tuple[float, float, float]
 
 
 class TwoSided(Bsdf):
-    """One BSDF for each side; the back is seen as if it were the front."""
+    """One BSDF per side; the back is evaluated as if it were the front."""
 
     def __init__(self, bsdf: Any, hit: Hit, front: Bsdf, back: Bsdf) -> None:
         self.front, self.back = front, back
         self.oriented = front.oriented or back.oriented
 
     def _side(self, wo: Vector) -> tuple[Bsdf, Vector]:
-        """Return the BSDF that wo sees, and factors that turn directions to its front."""
+        """Return the BSDF on wo's side, and factors that flip directions to its front."""
         if wo[2] > 0.0:
             return self.front, WHITE
         return self.back, np.array([1.0, 1.0, -1.0])
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f cos and density of the side that is seen."""
+        """Return f cos and density of the visible side."""
         seen, turn = self._side(wo)
         return seen.eval_pdf(wo * turn, wi * turn)
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Sample the side that is seen."""
+        """Sample the visible side."""
         seen, turn = self._side(wo)
         sample = seen.sample(wo * turn, numbers)
         return sample._replace(wi=sample.wi * turn)
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return those of the side that is seen."""
+        """Return the delta lobes of the visible side."""
         seen, turn = self._side(wo)
         return [b._replace(wi=b.wi * turn) for b in seen.branches(wo * turn)]
 
 
 class Mask(Bsdf):
-    """A BSDF with holes: the share `opacity` of the light meets it."""
+    """A BSDF with holes: `opacity` is the fraction of light that interacts with it."""
 
     def __init__(self, bsdf: Any, hit: Hit, nested: Bsdf) -> None:
         self.nested, self.oriented = nested, nested.oriented
         self.opacity = min(max(number(bsdf.opacity, hit), 0.0), 1.0)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density of the BSDF times the opacity."""
+        """Return f |cos| and density of the BSDF, times the opacity."""
         f_cos, pdf = self.nested.eval_pdf(wo, wi)
         return f_cos * self.opacity, pdf * self.opacity
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Sample the BSDF with the probability `opacity`, or go straight on.
+        """Sample the BSDF with probability `opacity`, or pass through undeflected.
 
-        The number that decides is stretched to [0, 1) again for the BSDF.
+        The random number of that choice is rescaled to [0, 1) for the BSDF.
         """
         x, y, choice = numbers
         if choice >= self.opacity:
@@ -92,11 +92,11 @@ class Mask(Bsdf):
 
 
 class Blend(Bsdf):
-    """Two BSDFs in one, f = (1 - w) f_1 + w f_2; one of them chooses the direction.
+    """A mixture of two BSDFs, f = (1 - w) f_1 + w f_2; one of them samples the direction.
 
-    The density is that of both. For a mirror its probability is added to the density of the
-    other, though they have different units, so that mirrors lose some of their light:
-    Mitsuba has it so.
+    The density is that of the mixture. For a delta lobe its probability is added to the
+    other BSDF's density, although the units differ, so delta lobes lose some of their
+    light. Mitsuba does the same.
     """
 
     def __init__(self, bsdf: Any, hit: Hit, first: Bsdf, second: Bsdf) -> None:
@@ -105,12 +105,12 @@ class Blend(Bsdf):
         self.w = min(max(number(bsdf.weight, hit), 0.0), 1.0)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density of both."""
+        """Return f |cos| and density of the mixture."""
         (f, p), (g, q) = self.first.eval_pdf(wo, wi), self.second.eval_pdf(wo, wi)
         return mix(f, g, self.w), mix(p, q, self.w)
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Choose one BSDF, and a direction of it; the weight is that of both."""
+        """Sample one of the BSDFs; the weight is that of the mixture."""
         x, y, choice = numbers
         if 0.0 < self.w >= choice:
             share, chosen, other = self.w, self.second, self.first
@@ -127,10 +127,10 @@ class Blend(Bsdf):
 
 
 class NormalMap(Bsdf):
-    """A BSDF whose normal an image turns; the surface stays as it is.
+    """A BSDF with a shading normal from an image.
 
-    Light that is above one of the two horizons and below the other is dropped. So that this
-    makes no edge, light fades out towards it, as if by shadows [Estevez2019].
+    Light that is above one of the two horizons and below the other is dropped. A shadowing
+    term fades light out towards that limit, so that there is no edge [Estevez2019].
     """
 
     oriented = True
@@ -140,14 +140,14 @@ class NormalMap(Bsdf):
         self.find_normal(bsdf, hit)
 
     def find_normal(self, bsdf: Any, hit: Hit) -> None:
-        """Set the turned normal, and the direction that its x axis keeps near to."""
+        """Set the perturbed normal, and the direction from which its x axis is made."""
         self.normal, self.x = 2.0 * color(bsdf.normalmap, hit) - 1.0, np.eye(3)[0]
 
     def frame(self, wo: Vector) -> Vector | None:
-        """Return rows s, t, n around the turned normal; None: it has no direction."""
+        """Return rows s, t, n around the perturbed normal; None if the normal is 0."""
         n = self.normal
         if wo[2] * (wo @ n) <= 0.0 and self.bsdf.flip_invalid_normals:
-            n = n * (-1.0, -1.0, 1.0)  # to the side that wo sees
+            n = n * (-1.0, -1.0, 1.0)  # flip to the side of wo
         if not n @ n > 1e-20:
             return None
         n = normalize(n)
@@ -158,14 +158,14 @@ class NormalMap(Bsdf):
         return np.array([s, np.cross(n, s), n])
 
     def shadowing(self, n: Vector, wi: Vector) -> float:
-        """Return what is left of light along wi [Estevez2019, eq. 3]."""
+        """Return the shadowing term for light along wi [Estevez2019, eq. 3]."""
         if not self.bsdf.use_shadowing_function:
             return 1.0
         tan2_n, tan2_i = (max(1.0 / v[2] ** 2 - 1.0, 0.0) for v in (n, wi))
         return 2.0 / (1.0 + math.sqrt(1.0 + min(tan2_n / 8.0, 1.0) * tan2_i))
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density in the turned frame."""
+        """Return f |cos| and density in the perturbed frame."""
         frame = self.frame(wo)
         if frame is None or wi[2] * (frame @ wi)[2] <= 0.0:
             return BLACK, 0.0
@@ -173,7 +173,7 @@ class NormalMap(Bsdf):
         return f_cos * self.shadowing(frame[2], wi), pdf
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Sample in the turned frame."""
+        """Sample in the perturbed frame."""
         frame = self.frame(wo)
         if frame is None:
             return NOTHING
@@ -186,20 +186,20 @@ class NormalMap(Bsdf):
 
 
 class BumpMap(NormalMap):
-    """A BSDF turned as on a surface that is displaced by h(u, v) along its normal.
+    """A BSDF with the shading normal of a surface displaced by h(u, v) along its normal.
 
-    That surface p + h n has the derivatives dp/du + n dh/du and dp/dv + n dh/dv, but for
-    terms that are small with h; its normal is their cross product [Blinn1978].
+    The surface p + h n has the derivatives dp/du + n dh/du and dp/dv + n dh/dv, except for
+    terms that are small with h. The normal is their cross product [Blinn1978].
     """
 
     def find_normal(self, bsdf: Any, hit: Hit) -> None:
-        """Set the turned normal, and the direction that its x axis keeps near to.
+        """Set the perturbed normal, and the direction from which its x axis is made.
 
-        Mitsuba keeps it near to dp/du of the world, though all else is local.
+        As in Mitsuba, that is the world's dp/du, although all else is local.
         """
         n, (dp_du, dp_dv) = hit.normal, hit.derivatives()
         by_u, by_v = bsdf.scale * np.array(eval_slope(bsdf.height, *hit.uv))
-        # the slope along n is that of h, whatever n's own slope on a smooth mesh
+        # the slope along n is that of h only, whatever the slope of n on a smooth mesh
         du = dp_du + n * (by_u - n @ dp_du)
         dv = dp_dv + n * (by_v - n @ dp_dv)
         displaced = np.cross(du, dv)
@@ -210,10 +210,10 @@ class BumpMap(NormalMap):
             self.normal = normalize(hit.frame(along_u=True) @ displaced)
         across = np.cross(self.normal, dp_du)
         if not across @ across > 1e-12 * (dp_du @ dp_du):
-            self.x, _ = orthonormal_basis(self.normal)  # u runs along it, or there is none
+            self.x, _ = orthonormal_basis(self.normal)  # dp/du is along the normal, or 0
 
 
-# -------------------------------------------------------------------------- all by name
+# -------------------------------------------------------------------------- BSDFs by name
 
 BSDFS: dict[str, type[Bsdf]] = {
     "diffuse": Diffuse,
@@ -235,7 +235,7 @@ BSDFS: dict[str, type[Bsdf]] = {
     "normalmap": NormalMap,
     "bumpmap": BumpMap,
 }
-# the attributes of a description that are BSDFs themselves
+# attributes of a description that are nested BSDFs
 NESTED: dict[str, tuple[str, ...]] = {
     "twosided": ("front", "back"),
     "mask": ("nested",),
@@ -252,11 +252,11 @@ def bsdf_at(bsdf: Any, hit: Hit) -> Bsdf:
 
 
 class Material:
-    """The BSDF at a surface point, for directions in the world."""
+    """The BSDF at a surface point, for world directions."""
 
     def __init__(self, hit: Hit) -> None:
         self.bsdf = bsdf_at(hit.surface.shape.bsdf, hit)
-        self.frame = hit.frame(along_u=self.bsdf.oriented)  # rows: from world to local
+        self.frame = hit.frame(along_u=self.bsdf.oriented)  # rows: world to local
         self.wo = self.frame @ hit.wo
 
     def eval_pdf(self, wi: Vector) -> tuple[Vector, float]:
@@ -264,11 +264,11 @@ class Material:
         return self.bsdf.eval_pdf(self.wo, self.frame @ wi)
 
     def sample(self, numbers: Numbers) -> BsdfSample:
-        """Choose where a path goes on."""
+        """Sample the next direction of a path."""
         sample = self.bsdf.sample(self.wo, numbers)
         return sample._replace(wi=sample.wi @ self.frame)
 
     def branches(self) -> list[BsdfSample]:
-        """Return all directions of mirrors and glass, weighted by their light."""
+        """Return all delta lobes, weighted by their light."""
         found = self.bsdf.branches(self.wo)
         return [branch._replace(wi=branch.wi @ self.frame) for branch in found]

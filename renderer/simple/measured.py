@@ -1,7 +1,7 @@
-"""A measured material: f looked up in a table of the MERL database [Matusik2003].
+"""A measured BRDF: f looked up in a table of the MERL database [Matusik2003].
 
-A pair of directions is described by its half vector, and by where wi is as seen from there
-[Rusinkiewicz1998]: angles that follow a highlight, so that a table of them can be coarse.
+A pair of directions is described by its half vector, and by wi relative to the half vector
+[Rusinkiewicz1998]. These angles follow a highlight, so a coarse table suffices.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from renderer.simple.shapes import Hit
 
 
 class Measured(Bsdf):
-    """A table over theta_h, theta_d and phi_d, linear between the centres of its cells.
+    """A table over theta_h, theta_d and phi_d, interpolated between cell centres.
 
-    theta_h is spaced by its square: the cells near a highlight are small. Directions
-    are chosen by their cosine, or by a half vector, of which the reader of the scene says
-    how often theta_h is in each of its cells.
+    theta_h is spaced by its square, so cells near a highlight are small. Directions are
+    sampled by the cosine, or by a half vector. The scene reader computes the probability of
+    each cell of theta_h.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
@@ -32,7 +32,7 @@ class Measured(Bsdf):
         self.share_of_cosine = bsdf.share_of_cosine
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f cos and density of both ways to choose wi."""
+        """Return f cos, and the combined density of both ways of sampling wi."""
         if wo[2] <= 0.0 or wi[2] <= 0.0:
             return BLACK, 0.0
         h = normalize(wo + wi)
@@ -42,7 +42,7 @@ class Measured(Bsdf):
         return self._look_up(h, wi) * wi[2], share * by_cosine + (1.0 - share) * by_half
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose wi by its cosine, or mirror wo at a half vector."""
+        """Sample wi by the cosine, or mirror wo at a sampled half vector."""
         if wo[2] <= 0.0:
             return NOTHING
         x, y, choice = numbers
@@ -51,9 +51,9 @@ class Measured(Bsdf):
         return self.chosen(wo, reflect(wo, self._sample_half_vector(x, y)))
 
     def _look_up(self, h: Vector, wi: Vector) -> Vector:
-        """Return f: the mean of eight cells, by how near their centres are."""
+        """Return f, interpolated trilinearly from eight cells."""
         theta, phi = _angle(h), math.atan2(h[1], h[0])
-        # turn everything so that h becomes the z axis: about z, then about y
+        # rotate so that h becomes the z axis: about z, then about y
         x = math.cos(phi) * wi[0] + math.sin(phi) * wi[1]
         y = math.cos(phi) * wi[1] - math.sin(phi) * wi[0]
         x, z = (
@@ -63,10 +63,10 @@ class Measured(Bsdf):
         spaced = (
             math.sqrt(theta / (math.pi / 2)),
             _angle(np.array([x, y, z])) / (math.pi / 2),
-            math.atan2(y, x) / math.pi % 1.0,  # light that goes back has the same f
+            math.atan2(y, x) / math.pi % 1.0,  # reciprocal: f repeats after half a turn
         )
         places = np.array(spaced) * self.shape - 0.5
-        # the first two end, phi_d goes round
+        # theta_h and theta_d are clamped, phi_d wraps
         places[:2] = np.clip(places[:2], 0.0, np.array(self.shape[:2]) - 1.0)
         first = np.floor(places).astype(int)
         far = places - first
@@ -79,12 +79,12 @@ class Measured(Bsdf):
         return f
 
     def _edges(self, cell: int) -> tuple[float, float]:
-        """Return the cosines between which a cell of theta_h lies, the larger one first."""
+        """Return the cosines of the limits of a theta_h cell, the larger one first."""
         begin, end = (math.pi / 2 * ((cell + i) / self.shape[0]) ** 2 for i in (0, 1))
         return math.cos(begin), math.cos(end)
 
     def _half_vector_pdf(self, theta: float) -> float:
-        """Return the density [1/sr] of half vectors: the same all over a cell."""
+        """Return the density [1/sr] of half vectors, which is constant in a cell."""
         spaced = math.sqrt(theta / (math.pi / 2)) * self.shape[0]
         cell = int(min(spaced, self.shape[0] - 1))
         near, far = self._edges(cell)
@@ -92,7 +92,7 @@ class Measured(Bsdf):
         return float(share / (2.0 * math.pi * (near - far)))
 
     def _sample_half_vector(self, x: float, y: float) -> Vector:
-        """Choose a cell of theta_h by the shares, and a direction inside of it evenly."""
+        """Sample a cell of theta_h by its probability, and a direction in it uniformly."""
         cell = int(np.searchsorted(self.cumulated[1:-1], x, side="right"))
         begin, end = self.cumulated[cell : cell + 2]
         near, far = self._edges(cell)

@@ -1,17 +1,17 @@
 """Path tracing on one screen, one ray at a time. Read this file first.
 
-The light that leaves a point x in the direction w_o is what x emits, and what it reflects
-of the light from all directions w_i, the rendering equation [Kajiya1986; Immel1986]:
+The radiance that leaves a point x in the direction w_o is the emission of x plus the
+reflected radiance from all directions w_i, the rendering equation [Kajiya1986; Immel1986]:
 
     L_o(x, w_o) = L_e(x, w_o) + integral of f(x, w_i, w_o) L_i(x, w_i) cos(w_i) dw_i
 
-L_i in turn is the L_o of the point that the ray x(t) = x + t w_i meets first. Monte Carlo
-replaces the integral by one direction chosen with density pdf(w_i): f L_i cos / pdf has
-the integral as its mean. So the integral in the integral in the integral becomes a path.
+L_i is the L_o of the first hit of the ray x(t) = x + t w_i. Monte Carlo replaces the
+integral by one direction, sampled with density pdf(w_i): the mean of f L_i cos / pdf is the
+integral. The nested integrals become a path.
 
-The two integrators before it stand below: direct light alone, and the tree of rays through
-mirrors and glass. The kernels of this renderer walk the same paths and trees, thousands at
-a time, in single precision. Given the same random numbers both find the same light
+Two older integrators follow below: direct light, and the ray tree through delta lobes. The
+kernels of this renderer trace the same paths and trees, thousands at a time, in single
+precision. Given the same random numbers both compute the same radiance
 (tests/renderer/integrators/test_simple_path_tracer.py).
 """
 
@@ -39,13 +39,13 @@ from renderer.simple.scene import (
 from renderer.simple.shapes import Hit
 from renderer.simple.volume_path import volpath_radiance
 
-# four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
-# pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights
+# Four numbers in [0, 1) for a pixel, sample and block. Block 0 is the place in the pixel,
+# 1 + BLOCKS_PER_BOUNCE * bounce is the BSDF there, and the following blocks are the lights.
 Numbers = Callable[[int, int, int], Sequence[float]]
 
 
 def numpy_numbers(pixel: int, sample: int, block: int) -> Sequence[float]:
-    """Draw from NumPy's default generator, started anew for each block."""
+    """Draw from NumPy's default generator, with a seed per pixel, sample and block."""
     return np.random.default_rng((pixel, sample, block)).random(4).tolist()
 
 
@@ -63,26 +63,26 @@ def render(
 def estimates(
     scene: Scene, camera: Sensor, spp: int, numbers: Numbers = numpy_numbers
 ) -> Iterator[tuple[int, int, Vector]]:
-    """Give row, column and an estimate of the light there: of all pixels, `spp` times."""
+    """Yield row, column and a radiance estimate, for all pixels `spp` times."""
     film, integrator = camera.film, INTEGRATORS[scene.integrator]
     pixels = list(np.ndindex(film.crop_height, film.crop_width))
     for sample, (row, column) in itertools.product(range(spp), pixels):
         x, y = film.crop_offset_x + column, film.crop_offset_y + row
         draw = partial(numbers, y * film.width + x, sample)
         dx, dy, _, _ = draw(0)
-        u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens, if there is one
+        u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens position, if there is a lens
         ray = camera_ray(camera, x + dx, y + dy, (u, v))
         yield row, column, integrator(scene, ray, draw)
 
 
 def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
-    """Return an estimate of the light that arrives against the direction of a ray."""
-    p, d, near, far = ray  # the camera's planes end the first ray alone
+    """Return an estimate of the radiance that arrives along a ray."""
+    p, d, near, far = ray  # near and far apply to the first ray only
     radiance = np.zeros(3)
     throughput = np.ones(3)  # product of f cos / pdf along the path
-    share = 1.0 / max(len(scene.lights), 1)  # one light is sampled, each as often
-    came_by: BsdfSample | None = None  # what chose d; None: the camera
-    only_holes = True  # nothing but holes has been met
+    share = 1.0 / max(len(scene.lights), 1)  # probability of each light
+    came_by: BsdfSample | None = None  # the BSDF sample that gave d; None: the camera
+    only_holes = True  # the path has only passed through holes
     eta = 1.0  # product of the relative indices of refraction
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
         block, last = 1 + BLOCKS_PER_BOUNCE * bounce, bounce + 1 == scene.max_depth
@@ -104,8 +104,8 @@ def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
         throughput = throughput * came_by.weight
         eta *= came_by.eta
         if bounce + 1 >= scene.rr_depth:
-            # Russian roulette [Arvo1990]: a dim path ends, or stands for those that ended.
-            # eta^2 undoes what radiance loses in glass and gains again on leaving it.
+            # Russian roulette [Arvo1990]: end a dim path, or raise its throughput. eta^2
+            # undoes the scaling of radiance in glass, which is undone on leaving it.
             survival = min(throughput.max() * eta**2, 0.95)
             if roulette >= survival:
                 break
@@ -118,11 +118,10 @@ def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
 
 
 def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
-    """Return what the first surface emits, and reflects of the lights [Appel1968].
+    """Return the emission of the first hit and its reflected direct light [Appel1968].
 
-    All lights are sampled there. Directions that the BSDF samples find lights with an
-    extent too. Each of the two ways is weighted by its density and number of samples
-    [Veach1997, section 9.2.2].
+    All lights are sampled there, and BSDF samples find lights with an extent too. MIS
+    weights both techniques by density and number of samples [Veach1997, section 9.2.2].
     """
     p, d, near, far = ray
     if scene.max_depth < 1:
@@ -148,9 +147,9 @@ def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
 
 
 def whitted_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
-    """Return the light along all branches of a tree of rays [Whitted1980].
+    """Return the radiance along all branches of a ray tree [Whitted1980].
 
-    A branch whose weight is below the cutoff in all colours is left out [Hall1983].
+    A branch whose weight is below the cutoff in all colours is dropped [Hall1983].
     """
     radiance = np.zeros(3)
     waiting = [(ray, np.ones(3), 0)]
@@ -203,10 +202,10 @@ def light_of(
     place: Sequence[float],
     share: float,
 ) -> Vector:
-    """Return the reflected light of a place on a light, given by number: f L / pdf V cos.
+    """Return the reflected light of one sample of a light, by its index: f L / pdf V cos.
 
-    `share` is the number of light samples for each sample of the BSDF, infinite where the
-    BSDF is not sampled. A mirror reflects a light only if the path meets it.
+    `share` is the number of light samples per BSDF sample, infinite if the BSDF is not
+    sampled. A delta lobe gets no direct light from light samples.
     """
     sample = sample_light(scene.lights[light], hit.x, *place)
     if not sample.radiance.any():
@@ -219,10 +218,10 @@ def light_of(
 
 
 def nothing_is_seen(scene: Scene, hit: Hit | None, last: bool) -> bool:
-    """Return whether a path that has met holes alone ends here without meeting a light.
+    """Return whether a path through holes only ends here without hitting a light.
 
-    Mitsuba's `path` takes such a sample for transparent. It drops the light that was
-    sampled at the holes, where a `mask` reflects a part of it.
+    Mitsuba's `path` makes such a sample transparent. It drops the light that was sampled at
+    a partly opaque `mask`.
     """
     if scene.environment is not None:
         return False

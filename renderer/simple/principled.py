@@ -1,8 +1,8 @@
-"""The principled BSDFs: one set of knobs for most materials [Burley2012; Burley2015].
+"""The principled BSDFs: one set of parameters for most materials [Burley2012; Burley2015].
 
-Both are sums of lobes. Each lobe is chosen with a probability of its own, and the density
-of a direction is that of all lobes together, so that the weight of a sample is f cos / pdf
-of the whole, whichever lobe has chosen it. Factors are as Mitsuba weighs the lobes.
+Both are sums of lobes. Each lobe has its own sampling probability, and the density of a
+direction is that of all lobes together. So the weight of a sample is f cos / pdf of the
+whole BSDF, whichever lobe was sampled. The lobes are weighted as in Mitsuba.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from renderer.simple.rough import Microfacets
 from renderer.simple.shapes import Hit
 from renderer.simple.textures import LUMINANCE
 
-COAT_SHADOWING = Microfacets(0.25, 0.25, beckmann=False)  # whatever the coat's gloss is
+COAT_SHADOWING = Microfacets(0.25, 0.25, beckmann=False)  # independent of the coat's gloss
 Numbers = tuple[float, float, float]
 
 
 def schlick(cosine: float) -> float:
-    """Return (1 - cosine)^5: how Fresnel's reflectance rises towards the horizon."""
+    """Return (1 - cosine)^5: the rise of Fresnel's reflectance towards the horizon."""
     return min(max(1.0 - cosine, 0.0), 1.0) ** 5
 
 
 class PrincipledBase(Bsdf):
-    """The parameters and lobes that both principled BSDFs have."""
+    """The parameters and lobes that both principled BSDFs share."""
 
     oriented = True
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         self.base = color(bsdf.base_color, hit)
         luminance = float(self.base @ LUMINANCE)
-        self.tint = self.base / luminance if luminance > 0.0 else WHITE  # of luminance 1
+        self.tint = self.base / luminance if luminance > 0.0 else WHITE  # luminance 1
         self.roughness, self.anisotropic = (
             number(value, hit) for value in (bsdf.roughness, bsdf.anisotropic)
         )
@@ -66,22 +66,22 @@ class PrincipledBase(Bsdf):
         return Microfacets(*alphas, beckmann=False)
 
     def fresnel_weight(self, cosine: float) -> float:
-        """Return Schlick's weight; inside the denser medium by the refracted angle."""
+        """Return Schlick's weight; inside the denser medium, of the refracted angle."""
         behind = self.eta if cosine >= 0.0 else 1.0 / self.eta
         if behind > 1.0:
             return schlick(abs(cosine))
         return schlick(math.sqrt(max(1.0 - (1.0 - cosine**2) / behind**2, 0.0)))
 
     def tinted(self, cosine: float, behind: float) -> Vector:
-        """Return Schlick's reflectance of glass that is tinted at normal incidence."""
+        """Return Schlick's reflectance of glass, tinted at normal incidence."""
         normal = ((behind - 1.0) / (behind + 1.0)) ** 2
         tinted: Vector = mix(normal * self.tint, 1.0, self.fresnel_weight(cosine))
         return tinted
 
     def diffuse(self, cos_o: float, cos_i: float, cos_h: float) -> Vector:
-        """Return f of the diffuse lobe: rough surfaces shine back, flat ones scatter below.
+        """Return f of the diffuse lobe with retro-reflection, and of the subsurface lobe.
 
-        `cos_h` is that between wi and the half vector.
+        `cos_h` is the cosine between wi and the half vector.
         """
         back = 2.0 * self.roughness * cos_h**2
         out, into = schlick(cos_i), schlick(cos_o)
@@ -92,7 +92,7 @@ class PrincipledBase(Bsdf):
         return self.base / math.pi * mix(matt, flat, self.flatness)
 
     def cloth(self, cos_h: float) -> Vector:
-        """Return f of the sheen, the glow of cloth along its edges."""
+        """Return f of the sheen lobe."""
         glow: Vector = mix(WHITE, self.tint, self.sheen_tint)
         return self.sheen * schlick(abs(cos_h)) * glow
 
@@ -100,15 +100,15 @@ class PrincipledBase(Bsdf):
 class Principled(PrincipledBase):
     """A blend of metal, glass and a diffuse base, under a clear coat.
 
-    The share of metal is `metallic`. Of the rest, `spec_trans` is glass, and the remainder
-    diffuse. Without glass the back of the surface is black.
+    The fraction of metal is `metallic`. Of the rest, `spec_trans` is glass, and the
+    remainder is diffuse. Without glass the back of the surface is black.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         super().__init__(bsdf, hit)
         self.metallic = number(bsdf.metallic, hit)
         spec_trans = number(bsdf.values.get("spec_trans", 0.0), hit)
-        self.matt = (1.0 - self.metallic) * (1.0 - spec_trans)  # share of the diffuse base
+        self.matt = (1.0 - self.metallic) * (1.0 - spec_trans)  # of the diffuse base
         self.glass = (1.0 - self.metallic) * spec_trans
         self.clearcoat = number(bsdf.clearcoat, hit)
         self.coat_alpha2 = (0.1 - 0.099 * number(bsdf.clearcoat_gloss, hit)) ** 2
@@ -119,9 +119,9 @@ class Principled(PrincipledBase):
         )
 
     def probabilities(self, reflected: float, front: bool) -> tuple[float, ...]:
-        """Return how often diffuse, coat, refraction and reflection are sampled.
+        """Return the sampling probabilities of diffuse, coat, refraction and reflection.
 
-        `reflected` is Fresnel's reflectance of a facet.
+        `reflected` is the Fresnel reflectance of a facet.
         """
         specular, coat, diffuse = self.rates
         if front:
@@ -134,7 +134,7 @@ class Principled(PrincipledBase):
         return tuple(lobe / total for lobe in lobes)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density of all lobes."""
+        """Return f |cos| and density of all lobes together."""
         front, mirrors = wo[2] > 0.0, wo[2] * wi[2] > 0.0
         if wo[2] == 0.0 or wi[2] == 0.0:
             return BLACK, 0.0
@@ -154,7 +154,7 @@ class Principled(PrincipledBase):
         if front and mirrors:
             pdf += diffuse * wi[2] / math.pi
         if cos_o * wo[2] <= 0.0 or cos_i * wi[2] <= 0.0:
-            return f_cos, pdf  # the facet is met, or left, on its wrong side
+            return f_cos, pdf  # wo or wi is on the wrong side of the facet
 
         normals = self.facets.pdf(wo if front else -wo, h)
         shown = self.facets.density(h) * self.facets.shadowing(wo, wi, h) / abs(wo[2])
@@ -174,7 +174,7 @@ class Principled(PrincipledBase):
         return f_cos, pdf
 
     def mirrored(self, cosine: float, reflected: float, front: bool) -> Any:
-        """Return the reflectance of a facet: metal, glass, and tinted glass, blended."""
+        """Return the reflectance of a facet, blended from metal, glass and tinted glass."""
         if not front:
             return self.glass * reflected
         metal = mix(self.base, 1.0, self.fresnel_weight(cosine))
@@ -183,24 +183,24 @@ class Principled(PrincipledBase):
         return mix(glass, metal, self.metallic)
 
     def coat_density(self, m: Vector) -> float:
-        """Return the density of the coat's normals, with a long tail [Burley2012]."""
+        """Return the density of the coat's normals, which has a long tail [Burley2012]."""
         rest = self.coat_alpha2 - 1.0
         density = rest / math.pi / math.log(self.coat_alpha2) / (1.0 + rest * m[2] ** 2)
         return float(density) if density * m[2] > 1e-20 else 0.0
 
     def coat_normal(self, x: float, y: float) -> Vector:
-        """Choose a normal of the coat by its density times the cosine."""
+        """Sample a normal of the coat by its density times the cosine."""
         cos2 = (1.0 - self.coat_alpha2 ** (1.0 - y)) / (1.0 - self.coat_alpha2)
         sine, phi = math.sqrt(max(1.0 - cos2, 0.0)), 2.0 * math.pi * x
         return np.array([sine * math.cos(phi), sine * math.sin(phi), math.sqrt(cos2)])
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Choose a lobe, and a direction by it."""
+        """Sample a lobe, and a direction from it."""
         x, y, choice = numbers
         front = wo[2] > 0.0
         if wo[2] == 0.0 or not (front or self.glass > 0.0):
             return NOTHING
-        # Fresnel of this facet says how often each lobe is chosen, whichever it then is
+        # this facet's Fresnel reflectance gives the lobe probabilities, whichever is chosen
         m = self.facets.sample(wo if front else -wo, x, y)
         cos_o = float(wo @ m)
         reflected = reflectance_of_glass(cos_o, self.eta)
@@ -216,15 +216,15 @@ class Principled(PrincipledBase):
 
 
 class PrincipledThin(PrincipledBase):
-    """A thin sheet: the same on both sides, and light that passes keeps its direction.
+    """A thin sheet: equal on both sides; transmission is not refracted on average.
 
-    It is refracted twice, which spreads it as one surface of smaller roughness would.
+    Two refractions spread transmitted light like one surface of smaller roughness.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
         super().__init__(bsdf, hit)
         self.glass = number(bsdf.spec_trans, hit)
-        self.through = number(bsdf.diff_trans, hit) / 2.0  # of the diffuse light
+        self.through = number(bsdf.diff_trans, hit) / 2.0  # of the diffuse light, per side
         self.passing = self.facets_of(self.roughness * (0.65 * self.eta - 0.35))
         diffuse = 1.0 - self.glass
         lobes = np.array(
@@ -238,13 +238,13 @@ class PrincipledThin(PrincipledBase):
         self.probabilities = lobes / (lobes.sum() or 1.0)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density of all lobes."""
+        """Return f |cos| and density of all lobes together."""
         if wo[2] == 0.0 or wi[2] == 0.0:
             return BLACK, 0.0
         side = math.copysign(1.0, wo[2])
         a, b = side * wo, side * wi
         returns = b[2] > 0.0
-        mirrored = np.array([b[0], b[1], abs(b[2])])  # what passes is mirrored at the sheet
+        mirrored = np.array([b[0], b[1], abs(b[2])])  # transmission as a reflection
         h = normalize(a + mirrored)
         cos_o, cos_i = float(a @ h), float(b @ h)
         first, second, third, fourth = self.probabilities
@@ -255,7 +255,7 @@ class PrincipledThin(PrincipledBase):
             f = self.through * (1.0 - self.glass) * self.base / math.pi
         f_cos = f * abs(b[2])
         pdf = (third if returns else fourth) * abs(b[2]) / math.pi
-        if returns == (cos_i > 0.0):  # the facet is left on its right side
+        if returns == (cos_i > 0.0):  # wi is on the right side of the facet
             fresnel = reflectance_of_glass(cos_o, self.eta)
             facets = self.facets if returns else self.passing
             shown = facets.density(h) * facets.shadowing(a, b, h) / (4.0 * a[2])
@@ -269,7 +269,7 @@ class PrincipledThin(PrincipledBase):
         return f_cos, float(pdf)
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Choose a lobe, and a direction by it."""
+        """Sample a lobe, and a direction from it."""
         if wo[2] == 0.0:
             return NOTHING
         x, y, choice = numbers
@@ -283,7 +283,7 @@ class PrincipledThin(PrincipledBase):
             if not returns:
                 wi = wi * (1.0, 1.0, -1.0)
                 if wi @ m >= 0.0:
-                    return NOTHING  # on the wrong side of the facet
+                    return NOTHING  # wi is on the wrong side of the facet
         else:
             wi = square_to_cosine_hemisphere(x, y) * (1.0 if returns else -1.0)
         if returns != (wi[2] > 0.0):

@@ -1,8 +1,8 @@
-"""Rough surfaces: many small mirrors, and how their normals m are distributed.
+"""Rough surfaces: microfacets, and the distribution of their normals m.
 
-A facet mirrors or refracts as a smooth surface does. What is seen of a rough surface is the
-mean over its facets: D(m) says how many have the normal m, G which of them are hidden by
-others, Fresnel how much they reflect [Torrance1967; Walter2007].
+A facet reflects or refracts like a smooth surface. A rough surface is the mean over its
+facets: D(m) is the density of facets with normal m, G the fraction that is not shadowed or
+masked, and Fresnel gives the reflectance [Torrance1967; Walter2007].
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from renderer.simple.camera import (
 )
 from renderer.simple.shapes import Hit
 
-SMOOTHEST = 1e-4  # Mitsuba takes a smaller roughness, and a negative one, for this
-_SLOPES = NormalDist(0.0, math.sqrt(0.5))  # the density is exp(-slope^2) / sqrt(pi)
+SMOOTHEST = 1e-4  # as in Mitsuba, smaller and negative roughnesses are clamped to this
+_SLOPES = NormalDist(0.0, math.sqrt(0.5))  # density exp(-slope^2) / sqrt(pi)
 
 
 class Microfacets:
-    """A distribution of normals over the half sphere around z.
+    """A distribution of normals over the hemisphere around z.
 
     Parameters
     ----------
     alpha_u, alpha_v : float
         Roughness along x and y: the root mean square slope times sqrt(2).
     beckmann : bool
-        Gaussian slopes; else those of Trowbridge and Reitz, known as GGX.
+        Gaussian slopes; otherwise Trowbridge-Reitz (GGX).
     visible : bool
-        Whether normals are sampled as often as wo sees them, or as often as there are such.
+        Sample the normals visible from wo, instead of all normals.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Microfacets:
     def density(self, m: Vector) -> float:
         """Return D(m): the area of facets of this normal, per solid angle and area.
 
-        The integral of D(m) m.z is 1: all facets together cover the surface.
+        The integral of D(m) m.z is 1: the projected facets cover the surface.
         """
         if m[2] <= 0.0:
             return 0.0
@@ -71,12 +71,12 @@ class Microfacets:
         return density if density * m[2] > 1e-20 else 0.0
 
     def unshadowed(self, v: Vector, m: Vector) -> float:
-        """Return G1: the share of facets with the normal m that are seen from v.
+        """Return G1: the fraction of facets with normal m that are visible from v.
 
-        Smith's, exact for GGX; Beckmann's by the rational fit of [Walter2007, eq. 27].
+        Smith's term, exact for GGX; for Beckmann the rational fit of [Walter2007, eq. 27].
         """
         if (v @ m) * v[2] <= 0.0:
-            return 0.0  # the back of a facet
+            return 0.0  # seen from behind
         tangent = float(np.linalg.norm(self.alpha * v[:2])) / abs(v[2])  # times alpha
         if not self.beckmann:
             return 2.0 / (1.0 + math.sqrt(1.0 + tangent**2))
@@ -85,7 +85,7 @@ class Microfacets:
         return (3.535 * a + 2.181 * a**2) / (1.0 + 2.276 * a + 2.577 * a**2)
 
     def shadowing(self, wo: Vector, wi: Vector, m: Vector) -> float:
-        """Return G: the share that is seen from both directions."""
+        """Return G: the fraction that is visible from both directions."""
         return self.unshadowed(wo, m) * self.unshadowed(wi, m)
 
     def pdf(self, wo: Vector, m: Vector) -> float:
@@ -96,20 +96,20 @@ class Microfacets:
         return float(self.density(m) * seen)
 
     def sample(self, wo: Vector, x: float, y: float) -> Vector:
-        """Choose a normal by two numbers in [0, 1); wo.z > 0."""
+        """Sample a normal with two numbers in [0, 1); wo.z > 0."""
         if self.visible:
             return self._sample_visible(wo, x, y)
-        # an ellipse at each height: its azimuth, then its slope by the inverse of the
-        # distribution function [Walter2007, eqs. 28, 29, 35, 36]
+        # first the azimuth on an ellipse, then the slope by inversion of its distribution
+        # function [Walter2007, eqs. 28, 29, 35, 36]
         phi = 2.0 * math.pi * y
         along = self.alpha * (math.cos(phi), math.sin(phi))
         slope = math.sqrt(-math.log(1.0 - x) if self.beckmann else x / (1.0 - x))
         return normalize(np.array([*(slope * along), 1.0]))
 
     def _sample_visible(self, wo: Vector, x: float, y: float) -> Vector:
-        """Stretch to alpha 1, sample a normal seen from there, squeeze again.
+        """Sample a visible normal: stretch to alpha 1, sample there, and unstretch.
 
-        [Heitz2014] for any distribution of slopes.
+        [Heitz2014], for any distribution of slopes.
         """
         v = normalize(np.array([*(self.alpha * wo[:2]), wo[2]]))
         sine = math.hypot(v[0], v[1])
@@ -118,8 +118,8 @@ class Microfacets:
             a, b = _beckmann_slopes(sine, v[2], x, y)  # along v and across it
             m = np.array([sin_phi * b - cos_phi * a, -sin_phi * a - cos_phi * b, 1.0])
         else:
-            # a point of the disk across v, its upper half squeezed to what is seen of the
-            # half sphere, and lifted to that [Heitz2018]
+            # a point of the disk across v, with one half compressed to the visible part
+            # of the hemisphere, then projected to the hemisphere [Heitz2018]
             t1 = np.array([sin_phi, -cos_phi, 0.0])
             t2 = np.cross(t1, v)
             a, b = square_to_disk(x, y)
@@ -129,9 +129,9 @@ class Microfacets:
         return normalize(np.array([*(self.alpha * m[:2]), max(m[2], 0.0)]))
 
     def weight(self, wo: Vector, wi: Vector, m: Vector) -> float:
-        """Return D G |wo.m| / (|wo.z| pdf), which is what remains of f |cos| / pdf.
+        """Return D G |wo.m| / (|wo.z| pdf), the remaining factor of f |cos| / pdf.
 
-        Most cancels: of visible normals G1(wi) is left. wo.z > 0.
+        Most terms cancel: for visible normals G1(wi) is left. wo.z > 0.
         """
         if self.visible:
             return self.unshadowed(wi, m)
@@ -139,14 +139,14 @@ class Microfacets:
 
 
 def _beckmann_slopes(sine: float, cosine: float, x: float, y: float) -> tuple[float, float]:
-    """Return slopes along and across a direction of angle theta, seen from it; alpha 1.
+    """Sample the slopes visible from a direction of angle theta, along and across; alpha 1.
 
-    Across they are Gaussian. Along, a slope s is seen with cos(theta) - s sin(theta), so
-    that the share of slopes below s is, but for a factor,
+    Across they are Gaussian. Along, a slope s has visibility cos(theta) - s sin(theta). So
+    the fraction of slopes below s is, up to a factor,
 
         1 + erf(s) + tan(theta) exp(-s^2) / sqrt(pi),    s <= cot(theta) [Jakob2014].
 
-    Bisection inverts that.
+    It is inverted by bisection.
     """
     x, y = (min(max(u, 1e-6), 1.0 - 1e-6) for u in (x, y))
     across = _SLOPES.inv_cdf(y)
@@ -167,7 +167,7 @@ def _beckmann_slopes(sine: float, cosine: float, x: float, y: float) -> tuple[fl
 
 
 def microfacets(bsdf: Any, hit: Hit) -> Microfacets:
-    """Return the distribution of the parameters that all rough plugins share."""
+    """Return the distribution from the parameters that all rough plugins share."""
     return Microfacets(
         number(bsdf.alpha_u, hit),
         number(bsdf.alpha_v, hit),
@@ -187,17 +187,17 @@ class RoughConductor(Bsdf):
         self.tint = color(bsdf.specular_reflectance, hit)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f cos and the density of facets that mirror to wi."""
+        """Return f cos and the density of facets that reflect wo to wi."""
         if wo[2] <= 0.0 or wi[2] <= 0.0:
             return BLACK, 0.0
-        h = normalize(wo + wi)  # the normal that mirrors one into the other
+        h = normalize(wo + wi)  # the normal of reflection from wo to wi
         density, shown = self.facets.density(h), self.facets.shadowing(wo, wi, h)
         f_cos = self.tint * fresnel(float(wo @ h), self.index) * density * shown
-        # a turn of the normal turns the mirrored direction by twice as much: dm / dwi
+        # dm / dwi: a rotation of the normal rotates the reflection by twice the angle
         return f_cos / (4.0 * wo[2]), self.facets.pdf(wo, h) / (4.0 * float(wi @ h))
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose a facet and mirror wo at it."""
+        """Sample a facet and reflect wo at it."""
         if wo[2] <= 0.0:
             return NOTHING
         m = self.facets.sample(wo, *numbers[:2])
@@ -210,11 +210,11 @@ class RoughConductor(Bsdf):
 
 
 class RoughDielectric(Bsdf):
-    """Rough glass: facets mirror and refract [Walter2007].
+    """Rough glass: facets reflect and refract [Walter2007].
 
-    Where all normals are sampled, and not the visible ones alone, the samples come from a
-    rougher distribution, whose weights stay small [Walter2007, section 5.3]. Their weights
-    are those of the plain one all the same, some per cent off: Mitsuba has it so.
+    If all normals are sampled instead of visible ones, they come from a rougher
+    distribution, which keeps weights small [Walter2007, section 5.3]. As in Mitsuba, the
+    weights are still those of the plain distribution, which is off by some per cent.
     """
 
     oriented = True
@@ -235,7 +235,7 @@ class RoughDielectric(Bsdf):
         return Microfacets(*wider, beckmann=self.facets.beckmann, visible=False)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and the density of facets that mirror or refract to wi."""
+        """Return f |cos| and the density of facets that reflect or refract to wi."""
         if wo[2] == 0.0 or wi[2] == 0.0:
             return BLACK, 0.0
         mirrors = wo[2] * wi[2] > 0.0
@@ -258,7 +258,7 @@ class RoughDielectric(Bsdf):
         return f_cos, share * turned * self._sampled(wo).pdf(_upward(wo), h)
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Choose a facet, and whether it mirrors or refracts."""
+        """Sample a facet, and whether it reflects or refracts."""
         if wo[2] == 0.0:
             return NOTHING
         x, y, choice = numbers
@@ -281,15 +281,15 @@ class RoughDielectric(Bsdf):
 
 
 def _upward(v: Vector) -> Vector:
-    """Return v, or from below -v."""
+    """Return v or -v, whichever points up."""
     return v if v[2] > 0.0 else -v
 
 
 class RoughPlastic(Coated):
-    """A rough coat. How much of it passes is a mean over its facets, from a table.
+    """A rough coat over a diffuse base; the coat's transmittance is from a table.
 
-    The table has an entry for each cosine from 0 to 1 in steps of 1 / 63; the reader of the
-    scene computes it.
+    The table has an entry for each cosine from 0 to 1 in steps of 1 / 63; the scene reader
+    computes it as a mean over facets.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
@@ -298,7 +298,7 @@ class RoughPlastic(Coated):
         self.passes = bsdf.transmittance
 
     def transmitted(self, cosine: float) -> float:
-        """Return the share of light from an angle that passes the coat."""
+        """Return the fraction of light at an angle that passes the coat."""
         return float(np.interp(cosine * 63.0, np.arange(64), self.passes))
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
@@ -316,7 +316,7 @@ class RoughPlastic(Coated):
         return coat + base, pdf + (1.0 - probability) * wi[2] / math.pi
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
-        """Mirror at a facet of the coat, or scatter from the base."""
+        """Reflect at a facet of the coat, or sample the base."""
         if wo[2] <= 0.0:
             return NOTHING
         x, y, choice = numbers

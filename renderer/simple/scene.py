@@ -1,4 +1,4 @@
-"""The scene of the simple path tracer: a list of surfaces, a list of lights."""
+"""The scene of the simple path tracer: a list of surfaces and a list of lights."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Group, Hit, Surface
 from renderer.simple.sky import Sky
 
-# A ray does not meet the surface that it leaves: t > epsilon, which is far above the
-# rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
-# fraction before its light.
+# A ray ignores hits at t <= epsilon, so it does not hit the surface that it leaves. This is
+# far above the rounding of double precision in scenes of up to 100,000 units. A shadow ray
+# ends by this fraction before its light.
 EPSILON = 1e-9
 BLOCKS_PER_BOUNCE = 1 << 20  # of four random numbers, see `path_tracer`
 Draw = Callable[[int], Sequence[float]]  # those of a block, for one sample of one pixel
 
 INTEGRATORS = ("path", "direct", "whitted", "volpath")
-# of a tree of rays: where the file gives no limit, and at most; the kernels' own
+# depth of a ray tree without a limit in the file, and the maximum; as in the kernels
 USUAL_TREE, DEEPEST_TREE = 8, 256
 
 
 class Scene:
-    """The scene description, checked and in the form that the integrators use.
+    """The scene description, checked and converted for the integrators.
 
     Parameters
     ----------
     description
         The scene file.
     integrator
-        Its name, "" for that of the file.
+        Name of an integrator, "" for that of the file.
 
     Raises
     ------
     SceneError
-        For what this renderer leaves to the kernels.
+        For features that only the kernels support.
     """
 
     def __init__(self, description: SceneDescription, integrator: str = "") -> None:
@@ -64,7 +64,7 @@ class Scene:
         if self.integrator == "whitted":
             deep = USUAL_TREE if self.max_depth < 0 else self.max_depth
             self.max_depth = min(deep, DEEPEST_TREE)
-        # of `direct`, at each point
+        # per point, for `direct`
         self.emitter_samples = settings.emitter_samples
         self.bsdf_samples = settings.bsdf_samples
         self.surfaces = [Surface(shape) for shape in description.shapes]
@@ -84,12 +84,12 @@ class Scene:
 
 
 def _check(description: SceneDescription, name: str) -> None:
-    """Refuse what this renderer has no formula for.
+    """Refuse features without a formula in this renderer.
 
     Raises
     ------
     SceneError
-        Naming it, where it stands, and what is possible.
+        With the feature, its place in the file, and what is possible.
     """
 
     def refuse(what: str, where: object = description.source) -> None:
@@ -149,7 +149,7 @@ def _check(description: SceneDescription, name: str) -> None:
 
 
 def _check_media(description: SceneDescription, refuse: Callable[..., None]) -> None:
-    """Refuse media that vary, and what shadow rays go through but `null`."""
+    """Refuse heterogeneous media, and transparent surfaces other than `null`."""
     shapes = description.shapes
     media: list[tuple[Any, object]] = [(description.camera.medium, description.source)]
     media += [(m, s.location) for s in shapes for m in (s.interior, s.exterior)]
@@ -170,16 +170,16 @@ def _check_media(description: SceneDescription, refuse: Callable[..., None]) -> 
 
 
 def _with_nested(bsdf: Any) -> Iterator[Any]:
-    """Yield a BSDF of the description, and all that are inside of it."""
+    """Yield a BSDF of the description, and all BSDFs nested in it."""
     yield bsdf
     for name in NESTED.get(bsdf.plugin, ()):
         yield from _with_nested(getattr(bsdf, name))
 
 
 def _has_all_branches(bsdf: Any) -> bool:
-    """Return whether `branches` of a BSDF gives all its single directions.
+    """Return whether `branches` of a BSDF gives all its delta lobes.
 
-    Of the BSDFs that hold others only `twosided` gives those of what is inside.
+    Of the BSDFs with nested ones, only `twosided` returns those of the nested BSDFs.
     """
     inside = [BSDFS[one.plugin].branches for one in _with_nested(bsdf)]
     delta = any(branches is not Bsdf.branches for branches in inside)
@@ -188,7 +188,7 @@ def _has_all_branches(bsdf: Any) -> bool:
 
 
 def _textures(record: Any) -> Iterator[Any]:
-    """Yield what may be a texture among the parameters of a BSDF or a checkerboard."""
+    """Yield the parameters of a BSDF or a checkerboard that may be textures."""
     for value in getattr(record, "values", vars(record)).values():
         yield value
         if isinstance(value, CheckerboardTexture):
@@ -205,7 +205,7 @@ def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> 
 
 
 def visible(scene: Scene, p: Vector, d: Vector, distance: float) -> bool:
-    """Return V: whether nothing is met on the way of a shadow ray."""
+    """Return the visibility V of a shadow ray: whether it has no hit."""
     far = distance * (1.0 - EPSILON)
     return not any(group.blocks(p, d, EPSILON, far) for group in scene.groups)
 
@@ -218,10 +218,10 @@ def emission(
     came_by: BsdfSample | None,
     share: float = 1.0,
 ) -> Vector:
-    """Return L_e of what the ray p + t d has met, as far as it counts for this way to it.
+    """Return L_e of the hit of the ray p + t d, with its MIS weight.
 
-    A direction of a smooth lobe could have been a light sample as well, and is weighted.
-    `share` is the number of light samples for each sample of the BSDF.
+    Only a direction from a smooth lobe has a weight, since a light sample could have chosen
+    it too. `share` is the number of light samples per BSDF sample.
     """
     light = scene.environment if hit is None else hit.light
     if light is None:

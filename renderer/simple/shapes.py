@@ -1,9 +1,9 @@
-"""Shapes: where a ray meets them, what is there, and points on them at random.
+"""Shapes: ray intersection, surface points, and sampling of points.
 
-Each is a unit shape g(x') = 0 under an affine map x = A x' + a. A ray is taken to the unit
-shape by the inverse: p' + t d' with p' = A^-1 (p - a) and d' = A^-1 d. As d' is not made
-unit again, t is the same on both sides. The normal is the gradient of g, and goes back by
-the inverse transpose. A mesh is as many unit triangles as it has faces.
+Each is a unit shape g(x') = 0 under an affine map x = A x' + a. The ray is transformed to
+the unit shape: p' + t d' with p' = A^-1 (p - a) and d' = A^-1 d. As d' is not normalised, t
+is the same in both spaces. The normal is the gradient of g, transformed by the inverse
+transpose. A mesh is one unit triangle per face.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ TURN = 2.0 * math.pi
 
 
 class UnitShape(NamedTuple):
-    """A shape in coordinates of its own; x, y, z are those of a point with g = 0."""
+    """A shape in its own coordinates; x, y, z are those of a point with g = 0."""
 
     roots: Callable[[Vector, Vector], Vector]  # p', d' (n, 3) -> t (n, roots), NaN if none
     contains: Callable[..., Any]  # x, y, z -> whether the shape reaches there
     gradient: Callable[..., tuple[float, float, float]]  # of g at x, y, z
-    uv: Callable[..., tuple[float, float]]  # place of x, y, z on textures
+    uv: Callable[..., tuple[float, float]]  # texture coordinates of x, y, z
     along_u: Callable[..., tuple[float, float, float]]  # derivative of x, y, z by u
     along_v: Callable[..., tuple[float, float, float]]  # and by v
-    point: Callable[..., tuple[float, float, float]]  # [0, 1)^2 -> x, y, z, keeping areas
+    point: Callable[..., tuple[float, float, float]]  # [0, 1)^2 -> x, y, z, by area
 
 
 def plane(p: Vector, d: Vector) -> Vector:
@@ -47,7 +47,7 @@ def plane(p: Vector, d: Vector) -> Vector:
 
 
 def quadric(*axes: float) -> Callable[[Vector, Vector], Vector]:
-    """Return what finds both t with g(p + t d) = 0 for g(x) = sum of axes x^2 - 1."""
+    """Return a function for both t with g(p + t d) = 0 for g(x) = sum of axes x^2 - 1."""
 
     def roots(p: Vector, d: Vector) -> Vector:
         a, b, c = d**2 @ axes, (p * d) @ axes, p**2 @ axes - 1.0
@@ -64,17 +64,17 @@ def upwards(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 
 def turn(x: float, y: float) -> float:
-    """Return the angle of (x, y) as a fraction of a turn, in [0, 1)."""
+    """Return the angle of (x, y) as a fraction of a full turn, in [0, 1)."""
     return math.atan2(y, x) / TURN % 1.0
 
 
 def around(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return how a point moves around the z axis, for each turn."""
+    """Return the derivative of a rotation about the z axis, per full turn."""
     return -TURN * y, TURN * x, 0.0
 
 
 def outwards(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the unit vector away from the z axis; on it, x."""
+    """Return the unit vector away from the z axis; x on the axis itself."""
     radius = math.hypot(x, y)
     return (x / radius, y / radius, 0.0) if radius else (1.0, 0.0, 0.0)
 
@@ -132,13 +132,13 @@ UNIT_SHAPES: dict[type, UnitShape] = {
 
 @dataclass(frozen=True)
 class Hit:
-    """A surface point, as it is seen from another point."""
+    """A surface point, as seen from a viewpoint."""
 
-    t: float  # distance between the two
+    t: float  # distance to the viewpoint
     x: Vector  # position
-    wo: Vector  # unit, towards the other
+    wo: Vector  # unit, towards the viewpoint
     geometric_normal: Vector  # unit
-    normal: Vector  # unit, for shading: between the vertex normals where a mesh has them
+    normal: Vector  # unit, for shading: interpolated if a mesh has vertex normals
     uv: tuple[float, float]
     surface: Surface
     local: Vector  # x' on the unit shape
@@ -146,17 +146,17 @@ class Hit:
 
     @property
     def light(self) -> Surface | None:
-        """The area light that is seen; it shines on the side of the normal."""
+        """The area light on the visible side; it emits on the side of the normal."""
         front = self.wo @ self.normal > 0
         return self.surface if front and self.surface.radiance else None
 
     def derivatives(self) -> tuple[Vector, Vector]:
-        """Return how x moves along u and along v."""
+        """Return dx/du and dx/dv."""
         unit, A = self.surface.unit, self.surface.A[self.face]
         along = np.array([unit.along_u(*self.local), unit.along_v(*self.local)]) @ A.T
         shape = self.surface.shape
         if isinstance(shape, Mesh) and shape.uvs is not None:
-            # the edges are known along x' and y'; u and v are functions of these
+            # the edges are derivatives by x' and y'; u and v are linear in these
             a, b, c = shape.uvs[shape.faces[self.face]].astype(np.float64)
             uv_by_local = np.array([b - a, c - a])
             if np.linalg.det(uv_by_local) == 0.0:
@@ -167,7 +167,7 @@ class Hit:
     def frame(self, *, along_u: bool) -> Vector:
         """Return the local frame: rows s, t and the normal, unit and right-handed.
 
-        `along_u`: s is along dp/du, and not just any tangent.
+        With `along_u`, s is along dp/du; otherwise it is any tangent.
         """
         n = self.normal
         s, t = orthonormal_basis(n)
@@ -189,9 +189,9 @@ def first_met(
     near: float,
     far: float,
 ) -> tuple[int, Vector] | None:
-    """Return which of n unit shapes p + t d meets first with near < t < far, and x' there.
+    """Return the index of the first of n unit shapes hit with near < t < far, and x' there.
 
-    `inverse` (n, 3, 3) and `a` (n, 3) are of their maps.
+    `inverse` (n, 3, 3) and `a` (n, 3) are of the shapes' maps.
     """
     p_ = (inverse @ (p - a)[..., None])[..., 0]
     d_ = inverse @ d
@@ -206,7 +206,7 @@ def first_met(
 
 
 class Surface:
-    """A shape with its maps A (n, 3, 3) and a (n, 3), one for each face of a mesh."""
+    """A shape with its maps A (n, 3, 3) and a (n, 3), one per face of a mesh."""
 
     def __init__(self, shape: Any) -> None:
         self.shape, self.radiance = shape, shape.radiance
@@ -223,12 +223,12 @@ class Surface:
         self.inverse = np.linalg.inv(self.A)
 
     def hit(self, p: Vector, d: Vector, near: float, far: float) -> Hit | None:
-        """Return where p + t d meets the surface first with near < t < far."""
+        """Return the first hit of p + t d with near < t < far."""
         found = first_met(self.unit, self.inverse, self.a, p, d, near, far)
         return None if found is None else self.at(found[1], found[0], p)
 
     def at(self, x_: Vector, face: int, p: Vector) -> Hit:
-        """Return the point that x' on the unit shape, or on a face, is in the world."""
+        """Return the world-space surface point for x' on the unit shape, or on a face."""
         x = self.A[face] @ x_ + self.a[face]
         n = normalize(self.inverse[face].T @ self.unit.gradient(*x_))
         n = -n if self.shape.flip_normals else n
@@ -254,7 +254,7 @@ class Group:
         self.faces = [(surface, k) for surface in surfaces for k in range(len(surface.a))]
 
     def hit(self, p: Vector, d: Vector, near: float, far: float) -> Hit | None:
-        """Return where p + t d meets one of them first with near < t < far."""
+        """Return the first hit of p + t d on any of them with near < t < far."""
         found = first_met(self.unit, self.inverse, self.a, p, d, near, far)
         if found is None:
             return None
@@ -262,5 +262,5 @@ class Group:
         return surface.at(found[1], face, p)
 
     def blocks(self, p: Vector, d: Vector, near: float, far: float) -> bool:
-        """Return whether p + t d meets any of them with near < t < far."""
+        """Return whether p + t d hits any of them with near < t < far."""
         return first_met(self.unit, self.inverse, self.a, p, d, near, far) is not None

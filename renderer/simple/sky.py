@@ -1,7 +1,7 @@
 """Sun and sky: the formulas of Hosek and Wilkie, one direction at a time.
 
-`sky_model` looks up their tables for the file's sun; the numbers that it gives are those
-of the kernels too. What they mean by direction is written here a second time.
+`sky_model` looks up the models' tables for the sun of the file; the kernels use the same
+numbers. Their evaluation by direction is implemented here independently.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from renderer.simple.camera import Vector, mix, normalize, orthonormal_basis, sq
 
 
 class Sky:
-    """The environment of a scene; directions are in the world unless a name says local."""
+    """The environment of a scene; directions are in world space unless named local."""
 
     def __init__(self, light: SunSky) -> None:
         self.light, self.sky = light, make_sky(light)
@@ -33,11 +33,11 @@ class Sky:
         return normalize(np.asarray(np.linalg.solve(self.to_world, d), np.float64))
 
     def is_sun(self, local: Vector) -> bool:
-        """Return whether a local direction is one of the sun."""
+        """Return whether a local direction is within the sun's disk."""
         return float(local @ self.sky.sun) >= self.sky.cosine
 
     def radiance(self, d: Vector, in_sun: bool = False) -> Vector:
-        """Return L of a direction, which may be known to be in the sun."""
+        """Return L of a direction; `in_sun` skips the test of the sun's disk."""
         local = self.local(d)
         if local[2] < 0.0:
             return np.zeros(3)
@@ -51,7 +51,7 @@ class Sky:
 
     def _of_sky(self, local: Vector) -> Vector:
         """Return the radiance of the sky [Hosek2012]."""
-        a, b, c, d, e, f, g, i, h = self.sky.parameters  # their names, in Mitsuba's order
+        a, b, c, d, e, f, g, i, h = self.sky.parameters  # the paper's, in Mitsuba's order
         angle, height = self._angle(local), local[2]
         cos = math.cos(angle)
         glow = (1.0 + cos**2) / (1.0 + h**2 - 2.0 * h * cos) ** 1.5
@@ -60,7 +60,7 @@ class Sky:
         return np.asarray(horizon * around * self.sky.radiance)
 
     def _of_limb(self, local: Vector) -> Vector:
-        """Return the radiance of a sun that is darker towards its edge [Hosek2013]."""
+        """Return the radiance of the sun's disk with limb darkening [Hosek2013]."""
         elevation = math.asin(local[2])
         segment = min(int(45.0 * np.cbrt(2.0 / math.pi * elevation)), 44)
         x = elevation - 0.5 * math.pi * (segment / 45.0) ** 3
@@ -85,7 +85,7 @@ class Sky:
         return mix(of_sun, mix(far, near, peak), self.sky.share)
 
     def sample(self, x: float, y: float) -> tuple[Vector, bool]:
-        """Choose a direction with x, y in [0, 1), and return whether it is in the sun."""
+        """Sample a direction with x, y in [0, 1); also return whether it is in the sun."""
         share = self.sky.share
         if x >= share:
             return self.to_world @ self._in_sun((x - share) / (1.0 - share), y), True
@@ -116,6 +116,6 @@ def _share(normal: NormalDist, least: float, most: float) -> float:
 
 
 def _cut(normal: NormalDist, least: float, most: float, x: float) -> float:
-    """Return the value that a share x of those between least and most is below."""
+    """Return the x-quantile of a normal distribution truncated to least .. most."""
     share = normal.cdf(least) + x * _share(normal, least, most)
     return normal.inv_cdf(min(max(share, 2.0**-24), 1.0 - 2.0**-24))

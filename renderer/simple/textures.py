@@ -1,4 +1,4 @@
-"""Textures: a colour, a number or a slope for each (u, v)."""
+"""Textures: a colour, a number or a gradient for each (u, v)."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def eval_texture(texture: Texture, u: float, v: float) -> Vector:
 
 
 def eval_number(texture: Texture | float, u: float, v: float) -> float:
-    """Return what a texture means as one number, for a roughness or an opacity.
+    """Return a texture as one number, for a roughness or an opacity.
 
-    The luminance of an image, but the mean of the three numbers of a plain colour. Of a
-    checkerboard Mitsuba takes the other of the two colours here.
+    That is the luminance of an image, but the mean of the components of a plain colour. For
+    a checkerboard Mitsuba swaps the two colours here.
     """
     match texture:
         case CheckerboardTexture():
@@ -61,17 +61,17 @@ def eval_number(texture: Texture | float, u: float, v: float) -> float:
 def eval_slope(texture: Texture, u: float, v: float) -> tuple[float, float]:
     """Return the derivatives of a texture's number by u and v.
 
-    An image between its texels is a bilinear surface. The map `to_uv` comes before the
-    size of the image, as in Mitsuba: where the map turns an image that is no square, the
-    slope is not quite that of what is seen.
+    An image is bilinear between its texels. As in Mitsuba, `to_uv` is applied before the
+    size of the image. So if `to_uv` rotates an image that is not square, the gradient is
+    not exactly that of the visible texture.
     """
     if not isinstance(texture, BitmapTexture) or texture.filter_type == "nearest":
-        return 0.0, 0.0  # steps, and nothing between them
+        return 0.0, 0.0  # piecewise constant
     texels, fx, fy = _texels(texture, u, v)
     (a, b), (c, d) = texels @ LUMINANCE
     by_column = (1.0 - fy) * (b - a) + fy * (d - c)
     by_row = (1.0 - fx) * (c - a) + fx * (d - b)
-    by_u, by_v = texture.to_uv[:2, :2].T @ (by_column, -by_row)  # v runs upwards
+    by_u, by_v = texture.to_uv[:2, :2].T @ (by_column, -by_row)  # v is upwards
     height, width, _ = texture.pixels.shape
     return float(by_u * width), float(by_v * height)
 
@@ -83,17 +83,17 @@ def _in_same_half(board: CheckerboardTexture, u: float, v: float) -> bool:
 
 
 def _texels(texture: BitmapTexture, u: float, v: float) -> tuple[Vector, float, float]:
-    """Return the four texels around a place, (2, 2, 3), and how far it is between them.
+    """Return the four texels around a point, (2, 2, 3), and the fractions between them.
 
-    With the filter "nearest" the first of them is all that counts.
+    With the filter "nearest" only the first of them is used.
     """
     s, t, _ = texture.to_uv @ (u, v, 1.0)
     height, width, _ = texture.pixels.shape
-    x, y = s * width, (1.0 - t) * height  # v runs upwards, rows downwards
+    x, y = s * width, (1.0 - t) * height  # v is upwards, rows are downwards
     if texture.filter_type != "nearest":
         x, y = x - 0.5, y - 0.5
     left, top = int(np.floor(x)), int(np.floor(y))
-    if texture.filter_type == "nearest":  # on an edge the texel to which v runs
+    if texture.filter_type == "nearest":  # on an edge, the texel in the direction of v
         top = height - 1 - int(np.floor(t * height))
     rows = [_wrapped(texture, i, height) for i in (top, top + 1)]
     columns = [_wrapped(texture, i, width) for i in (left, left + 1)]
@@ -104,7 +104,7 @@ def _texels(texture: BitmapTexture, u: float, v: float) -> tuple[Vector, float, 
 
 
 def _wrapped(texture: BitmapTexture, i: int, size: int) -> int:
-    """Return the row or column of the image that number i, of any size, stands for."""
+    """Return the row or column of the image for an index i outside of it."""
     match texture.wrap_mode:
         case "repeat":
             return i % size

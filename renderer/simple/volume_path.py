@@ -1,10 +1,9 @@
 """Path tracing through homogeneous media, one ray at a time.
 
-A flight ends at the surface, or before it where it collides: after a distance t of density
-s exp(-s t), where s is the sigma_t of one of the three colours, chosen at random. Its
-weight is what each colour has of that, over the mean of the three. The phase function
-takes the place of the BSDF, and a shadow ray is attenuated by exp(-sigma_t distance) in
-each medium on its way.
+A flight ends at the surface, or at a collision before it. The distance t of a collision has
+the density s exp(-s t), where s is the sigma_t of a colour chosen at random. The weight is
+each colour's value over the mean of the three densities. A phase function takes the place
+of the BSDF. A shadow ray is attenuated by exp(-sigma_t distance) in each medium on its way.
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ from renderer.simple.scene import (
 )
 from renderer.simple.shapes import Hit
 
-FLIGHT = BLOCKS_PER_BOUNCE // 2  # block of a flight's numbers in those of its bounce
+FLIGHT = BLOCKS_PER_BOUNCE // 2  # first block of a flight's numbers within a bounce
 
 
 def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
-    """Return an estimate of the light that arrives against the direction of a ray."""
+    """Return an estimate of the radiance that arrives along a ray."""
     p, d, near, far = ray
-    medium, event = scene.medium, p  # `event`: where the path was scattered last
+    medium, event = scene.medium, p  # `event`: position of the last scattering
     radiance, throughput, eta, depth = np.zeros(3), np.ones(3), 1.0, 0
     share = 1.0 / max(len(scene.lights), 1)
     came_by: BsdfSample | None = None
@@ -89,7 +88,7 @@ def volpath_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
 
 
 class Scatterer:
-    """What stands at a point: the BSDF of a surface, or the phase function of a medium."""
+    """The scattering function at a point: a BSDF, or the phase function of a medium."""
 
     def __init__(self, medium: Any, d: Vector, hit: Hit | None, collides: bool) -> None:
         self.material = None if collides or hit is None else Material(hit)
@@ -98,7 +97,7 @@ class Scatterer:
         self.d = d
 
     def eval_pdf(self, wi: Vector) -> tuple[Any, float]:
-        """Return f cos, or the phase function, and the density of `sample`."""
+        """Return f cos or the phase function, and the density of `sample`."""
         if self.material is not None:
             return self.material.eval_pdf(wi)
         g = self.g
@@ -107,12 +106,12 @@ class Scatterer:
         return np.full(3, pdf), pdf
 
     def sample(self, numbers: Any) -> BsdfSample:
-        """Choose the direction in which the path goes on."""
+        """Sample the next direction of the path."""
         if self.material is not None:
             return self.material.sample(numbers)
         x, y, _ = numbers
         g, c = self.g, 2.0 * x - 1.0
-        # that of isotropic light, c, by a formula that does not divide by g
+        # c is the cosine for g = 0; this formula does not divide by g
         cosine = c + g * (1.5 + 0.5 * c * c) + g * g * c + 0.5 * g**3 * (c * c - 1.0)
         cosine /= (1.0 + g * c) ** 2
         sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
@@ -133,7 +132,7 @@ def passed_by(medium: Any, distance: float) -> Vector:
 
 
 def _weight(medium: Any, distance: float, collides: bool) -> Vector:
-    """Return the throughput of a flight over the density with which it was chosen."""
+    """Return a flight's transmittance over its density."""
     passed = passed_by(medium, distance)
     if not collides:
         return passed / passed.mean() if passed.any() else passed
@@ -143,7 +142,7 @@ def _weight(medium: Any, distance: float, collides: bool) -> Vector:
 
 
 def behind(hit: Hit, d: Vector, medium: Any) -> Any:
-    """Return the medium behind a surface; one that is not a boundary keeps it."""
+    """Return the medium behind a surface; a surface that is no boundary keeps `medium`."""
     shape = hit.surface.shape
     if shape.interior is None and shape.exterior is None:
         return medium
@@ -160,7 +159,7 @@ def _light_of(
     medium: Any,
     hit: Hit | None,
 ) -> Vector:
-    """Return the scattered light of a place on a light: f L / pdf V T."""
+    """Return the scattered light of one light sample: f L / pdf V T."""
     sample = sample_light(light, x, *place)
     f, pdf = scatterer.eval_pdf(sample.wi)
     if not (f * sample.radiance).any():
@@ -173,7 +172,7 @@ def _light_of(
 
 
 def transmittance(scene: Scene, p: Vector, d: Vector, distance: float, medium: Any) -> Any:
-    """Return what gets through from p to a distance; `null` surfaces are not in the way."""
+    """Return the transmittance from p up to a distance; `null` surfaces do not block."""
     passed = np.ones(3)
     rest = distance * (1.0 - EPSILON)
     while True:

@@ -1,16 +1,16 @@
-"""Bounding volumes, and whether a ray meets them: sphere, box, slabs of any orientation.
+"""Bounding volumes and their ray tests: sphere, box, slabs of any orientation.
 
-A ray is tested against the primitives inside of a volume only if it meets the volume. The
-sphere has the fastest test (one root and no division) and is mostly too big; the
-axis-aligned box is six numbers and often too big. A slab is the space between two parallel
-planes, and a convex volume is an intersection of slabs [Kay1986]: a ray's interval
-[enter, leave] is cut by one after the other, and the ray meets the volume if something is
-left. Three slabs along the object's own directions are its oriented box; slabs of fixed
-orientations are a k-DOP [Klosowski1998].
+The primitives in a volume are tested only against rays that hit the volume. The sphere has
+the fastest test (one root and no division) but is mostly too large. The axis-aligned box is
+six numbers and often too large. A slab is the space between two parallel planes, and a
+convex volume is an intersection of slabs [Kay1986]: each slab clips the ray's interval
+[enter, leave], and the ray hits the volume if the interval is not empty. Three slabs along
+the object's own axes are an oriented box; slabs of fixed orientations are a k-DOP
+[Klosowski1998].
 
-Volumes are tested as if larger by a margin, for the rounding of the test and of the hits of
-what is inside. Vectors are of scalars (one ray) or lanes (16 rays). How volumes are fitted
-to points is in `volume_fits.py`.
+Tests enlarge volumes by a margin, for the rounding of the test and of the hits of the
+contents. Vectors are of scalars (one ray) or lanes (16 rays). `volume_fits.py` fits volumes
+to points.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import column, dot, load3
 from renderer.plugins.shapes.extents import ROUNDING
 
-# A Python literal would make scalars float64.
+# Not literals, which would make scalars float64.
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
-# A displacement by 1 along each axis is this far (rounded up) in any direction.
+# Length of a displacement by 1 along each axis, rounded up.
 DIAGONAL = np.float32(1.7320509)
 
 
 class BoundingSphere(NamedTuple):
-    """All within a distance of a point."""
+    """All points within a distance of a centre."""
 
     center: NDArray[np.float32]  # (3, 1)
     radius: NDArray[np.float32]  # (1,)
@@ -53,21 +53,20 @@ class Slabs(NamedTuple):
     normal: NDArray[np.float32]  # (3, s) not always of unit length
     lower: NDArray[np.float32]  # (s,)
     upper: NDArray[np.float32]  # (s,)
-    spread: NDArray[np.float32]  # (s,) |n_x| + |n_y| + |n_z|: a margin's share
+    spread: NDArray[np.float32]  # (s,) |n_x| + |n_y| + |n_z|: scales the margin
 
 
 @interface
 def hits_volume(volume, origin, direction, t_max):
-    """Return whether rays with unit directions meet a volume at 0 <= t <= t_max."""
+    """Return whether rays with unit directions hit a volume at 0 <= t <= t_max."""
 
 
 @kernel
 def _ray_interval(origin, direction, t_max):
-    """Return (enter, leave, margin) of rays before any slab: 0, t_max, and a width.
+    """Return (enter, leave, margin) of rays before any slab: 0, t_max, and a length.
 
-    A ray that has no answer (NaN, infinity, direction 0, or coordinates whose sum
-    overflows) has an empty interval, which no slab fills again: 0 * inf is NaN, and
-    `_clip_to_slab` keeps NaN.
+    An invalid ray (NaN, infinity, direction 0, or coordinates whose sum overflows) has an
+    empty interval. Slabs keep it empty, as 0 * inf is NaN and `_clip_to_slab` keeps NaN.
     """
     far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
     size = fabs(direction.x) + fabs(direction.y) + fabs(direction.z)
@@ -79,9 +78,8 @@ def _ray_interval(origin, direction, t_max):
 def _clip_to_slab(t0, t1, enter, leave):
     """Return the part of [enter, leave] between the distances t0 and t1 of two planes.
 
-    A ray in one of the planes gives 0 * inf = NaN. Each distance is compared with the
-    running bound before the two are compared with each other, and NaN loses: such a ray
-    is inside.
+    A ray in one of the planes gives 0 * inf = NaN. Each distance is first compared with the
+    running bound, and NaN loses each comparison. So such a ray counts as inside.
     """
     early0 = select(t0 > enter, t0, enter)
     early1 = select(t1 > enter, t1, enter)
@@ -96,8 +94,8 @@ def _clip_to_slab(t0, t1, enter, leave):
 def _hits_sphere(sphere, origin, direction, t_max):
     """Test a sphere.
 
-    The distance of the line from the centre is taken from the difference vector itself,
-    not from b^2 - a c, which cancels for a far ray [Haines2019].
+    The distance of the line from the centre is computed from the difference vector, not
+    from b^2 - a c, which cancels for a distant ray [Haines2019].
     """
     enter, leave, margin = _ray_interval(origin, direction, t_max)
     radius = sphere.radius[0] + margin * DIAGONAL
@@ -112,7 +110,7 @@ def _hits_sphere(sphere, origin, direction, t_max):
 @hits_volume.by(Aabb)
 @kernel
 def _hits_aabb(box, origin, direction, t_max):
-    """Test an axis-aligned box: three slabs, and no product but those with 1 / d."""
+    """Test an axis-aligned box: three slabs, without products except with 1 / d."""
     enter, leave, margin = _ray_interval(origin, direction, t_max)
     x, y, z = _ONE / direction.x, _ONE / direction.y, _ONE / direction.z
     x0 = (box.lower[0] - margin - origin.x) * x
@@ -132,8 +130,8 @@ def _hits_aabb(box, origin, direction, t_max):
 def _hits_slabs(slabs, origin, direction, t_max):
     """Test an intersection of slabs.
 
-    In a hierarchy of k-DOPs the two inner products and the division are done once a ray,
-    for all volumes have the same normals [Kay1986]; here they are part of the test.
+    In a hierarchy of k-DOPs the two inner products and the division are done once per ray,
+    since all volumes have the same normals [Kay1986]. Here they are part of the test.
     """
     enter, leave, margin = _ray_interval(origin, direction, t_max)
     for k in range(slabs.normal.shape[1]):
@@ -151,7 +149,7 @@ def _hits_slabs(slabs, origin, direction, t_max):
 def which_hit(volume, origin, direction, t_max, count, found):
     """Set `found` (n,) to 1 for those of the first `count` rays that hit a volume, else 0.
 
-    Origins and directions (3, n), all arrays with room for 16 rays more.
+    Origins and directions are (3, n); all arrays are padded by 16 rays.
     """
     for i in range(0, count, 16):
         t = load_row(t_max, 0, i)

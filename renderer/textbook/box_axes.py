@@ -1,14 +1,14 @@
-"""The directions of a small box: several starts, each turned until it gets no smaller.
+"""The axes of a small oriented box: local minimisation by rotation from several starts.
 
-The smallest box has two neighbouring faces that each touch an edge of the hull
-[ORourke1985]. So one axis is held, the points are projected along it, and of the
-rectangles that lie against an edge of the projected hull the best is taken
-[Toussaint1983]; then the next axis is held, until the area falls no more. That finds a
-local minimum; the starts are the coordinate axes, the principal axes, and the axes of a
-large triangle of the points [Larsson2011]. Of the local minima the least area counts.
+The smallest box has two neighbouring faces that each contain an edge of the hull
+[ORourke1985]. So one axis is fixed, the points are projected along it, and the best
+rectangle along an edge of the projected hull is taken [Toussaint1983]. Then the next axis
+is fixed, until the area stops falling. That finds a local minimum. The starts are the
+coordinate axes, the principal axes, and the axes of a large triangle of the points
+[Larsson2011]. The local minimum of least area is returned.
 
-Only some 250 extreme points take part, so the search costs the same for any mesh beyond
-the pass that finds them; the local minima are compared on all points.
+Only some 250 extreme points are used, so apart from the pass that finds them the search
+costs the same for any mesh. The local minima are compared on all points.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import entry_kernel
 
-KEPT = 256  # extreme points, at most, in half as many directions
-MOST_ROUNDS = 12  # of turning about all three axes; 2 to 5 were seen
+KEPT = 256  # most extreme points, from half as many directions
+MOST_ROUNDS = 12  # most rounds of rotations about all three axes; 2 to 5 were seen
 
 Axes = NDArray[np.float64]  # (3, 3) rows: orthonormal
 
 
 class GrownPoints(NamedTuple):
-    """Balls; a point is one of radius 0."""
+    """Balls; a ball of radius 0 is a point."""
 
     center: NDArray[np.float64]  # (3, n)
     radius: NDArray[np.float64]  # (n,)
-    # Room for the rounding of ray tests, along each axis: the same fraction of the
-    # coordinates that boxes of primitives are padded by. The ray's own coordinates are
-    # looked after in the test.
+    # Margin for the rounding of ray tests, along each axis: the same fraction of the
+    # coordinates as the padding of primitives' boxes. The test adds the part of the ray's
+    # own coordinates.
     pad: float
 
 
 def box_axes(points: GrownPoints) -> Axes:
-    """Return three orthonormal directions, as rows, along which the points' box is small.
+    """Return three orthonormal axes, as rows, of a small box around the points.
 
-    The box along them has at most the surface area of the axis-aligned one.
+    Its surface area is at most that of the axis-aligned box.
     """
-    # relative to their middle, so that far points do not cost digits
+    # relative to the mean, so that distant points lose no digits
     middle = points.center.mean(axis=1, keepdims=True)
     points = points._replace(center=points.center - middle)
     kept = _extreme_points(points)
@@ -51,7 +51,7 @@ def box_axes(points: GrownPoints) -> Axes:
 
 
 def _extreme_points(points: GrownPoints) -> GrownPoints:
-    """Return the points that are first or last in one of many directions."""
+    """Return the points that are extreme in one of many directions."""
     if points.center.shape[1] <= KEPT:
         return points
     directions = _half_sphere(KEPT // 2)
@@ -76,7 +76,7 @@ def _ends(center, radius, directions, ends):
 
 
 def _half_sphere(count: int) -> NDArray[np.float64]:
-    """Return evenly spread unit vectors (count, 3), z > 0: a Fibonacci spiral."""
+    """Return evenly distributed unit vectors (count, 3), z > 0: a Fibonacci spiral."""
     k = np.arange(count) + 0.5
     z, phi = 1.0 - k / count, k * np.pi * (3.0 - np.sqrt(5.0))
     rho = np.sqrt(1.0 - z * z)
@@ -106,7 +106,7 @@ def _area(points: GrownPoints, axes: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def _turned(points: GrownPoints, axes: Axes) -> Axes:
-    """Return the axes after turning about each in turn while the area falls."""
+    """Rotate about each axis in turn while the area falls; return the axes."""
     area = _area(points, axes[None])[0]
     for _ in range(MOST_ROUNDS):
         before = area
@@ -133,8 +133,8 @@ def _edge_angles(x: Any, y: Any) -> NDArray[np.float64]:
     hull = np.empty(2 * len(order) + 2, np.int64)
     hull = order[hull[: _hull(x[order], y[order], hull)]]
     edge_x, edge_y = np.diff(x[hull]), np.diff(y[hull])
-    # Points in a line leave many edges that differ by rounding: 250 angles instead of 4
-    # around a plate. A rectangle looks the same after a quarter turn.
+    # Collinear points leave many edges that differ by rounding: 250 angles instead of 4
+    # around a plate. A rectangle is unchanged by a quarter turn.
     size = np.hypot(edge_x, edge_y)
     long = size >= 1e-6 * size.max()
     angle = np.arctan2(edge_y[long], edge_x[long])
@@ -143,12 +143,12 @@ def _edge_angles(x: Any, y: Any) -> NDArray[np.float64]:
 
 @entry_kernel
 def _hull(x, y, hull):
-    """Write the hull of n sorted points to `hull` (2 n + 2,), closed; return its length.
+    """Write the closed hull of n sorted points to `hull` (2 n + 2,); return its length.
 
-    First the lower side from left to right, then the upper side back (monotone chain).
+    Monotone chain: the lower side from left to right, then the upper side back.
     """
     n, count = len(x), 0
-    start = 1  # of the side that is being made, beyond its first point
+    start = 1  # second point of the current side
     hull[0] = 0
     count = 1
     for step in range(1, 2 * n - 1):

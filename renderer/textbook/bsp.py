@@ -1,15 +1,15 @@
 """BSP tree: a tree of cells whose planes come from the polygons [Fuchs1980].
 
-Candidates come from `SAMPLES` primitives of a cell: the plane of each polygon, and planes
-through faces of its box. The polygons' own planes are what the method is known for, but
-they are not enough: every plane of a convex mesh leaves the whole mesh on one side. With
-n_b primitives that reach behind a plane and n_f that reach in front of it, the rule is
+`SAMPLES` primitives of a cell offer candidate planes: the plane of each polygon, and planes
+through faces of its box. The polygons' own planes are characteristic of the method but
+not sufficient: every plane of a convex mesh has the whole mesh on one side. If n_b
+primitives reach behind a plane and n_f in front of it, the rule is
 
     cost = (n_b^2 + n_f^2) / n^2        against 1 for a leaf
 
-which is least for a plane that halves the cell and cuts nothing. The surface area heuristic
-does not apply: cells of general planes are no boxes. So empty space is never cut off, and
-rays test what lies elsewhere in their cells.
+It is least for a plane that halves the cell and cuts no primitive. The surface area
+heuristic does not apply, since cells of general planes are no boxes. So empty space is
+never cut off, and rays test primitives elsewhere in their cells.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from renderer.textbook.cell_tree_build import (
     span,
 )
 
-SAMPLES = 8  # primitives that offer planes, evenly spread over the cell's list
-OFFERS = 4  # planes of each: its own, and one across each axis
-TRIALS = 128  # primitives that a candidate is tried on
-GAIN = 0.95  # what a plane may cost
+SAMPLES = 8  # primitives that offer planes, evenly spaced in the cell's list
+OFFERS = 4  # planes per primitive: its own, and one across each axis
+TRIALS = 128  # primitives on which a candidate is evaluated
+GAIN = 0.95  # largest cost of a plane worth its cut
 
 
 class PolygonPlanes(NamedTuple):
-    """The rule."""
+    """The rule of `build_bsp`."""
 
-    pad: float  # by which planes are set off from the primitive that they come from
+    pad: float  # offset of a plane from the primitive that it comes from
 
 
 def build_bsp(extents: Extents, group: PrimitiveGroup) -> CellTree:
@@ -69,7 +69,7 @@ def _choose_plane(rule, places, columns, cell, depth, plane):
 
 @kernel
 def _cost(places, columns, plane, stride):
-    """Return the cost of a plane, tried on every `stride`th of the primitives."""
+    """Return the cost of a plane, estimated on every `stride`th primitive."""
     tried = back = front = 0
     for i in range(0, len(columns), stride):
         side = side_of(places, columns[i], plane)
@@ -83,9 +83,9 @@ def _cost(places, columns, plane, stride):
 def _offered(places, pad, k, offer, sample):
     """Return the plane (normal x, y, z, offset) that primitive k offers.
 
-    It lies just outside of the grown primitive, below or above it in turn: in the polygon
-    itself it would have the polygon, and all others of that plane, on both sides. A curved
-    primitive has no plane, and offers a second face of its box instead.
+    It is just outside of the grown primitive, alternately below and above. In the polygon
+    itself it would have the polygon, and all coplanar ones, on both sides. A curved
+    primitive has no plane, and offers another face of its box instead.
     """
     normal = places.normal[k]
     x, y, z = np.float64(normal[0]), np.float64(normal[1]), np.float64(normal[2])
@@ -96,5 +96,5 @@ def _offered(places, pad, k, offer, sample):
         z = 1.0 if axis == 2 else 0.0
     low, high = span(places, k, x, y, z)
     below = (sample + (offer == 0)) % 2 == 0
-    offset = low - pad if below else high + pad  # the pad: the offset is rounded
+    offset = low - pad if below else high + pad  # the pad is for the rounding of the offset
     return np.float32(x), np.float32(y), np.float32(z), np.float32(offset)

@@ -1,16 +1,16 @@
-"""A tree of cells: space halved again and again by planes, walked from front to back.
+"""A tree of cells: space is divided recursively by planes, and traversed front to back.
 
-A kd-tree is a BSP tree whose planes lie across the axes, and an octree cuts a cell by three
-such planes at once. So all three are this one record with this one traversal; they differ
-in the planes that their builders choose (`kd_tree.py`, `octree.py`, `bsp.py`).
+A kd-tree is a BSP tree with axis-aligned planes, and an octree cuts a cell by three such
+planes at once. So all three share this record and this traversal; their builders choose
+different planes (`kd_tree.py`, `octree.py`, `bsp.py`).
 
-Cells do not overlap. A ray meets the half that it comes from first; the other half waits on
-a stack [Fuchs1980]. A hit that lies before all that waits ends the ray. A primitive belongs
-to every leaf whose cell it reaches into, whole.
+Cells do not overlap. A ray visits the near half first and pushes the far half on a stack
+[Fuchs1980]. A hit before all stacked halves ends the ray. A primitive is in the list of
+every leaf whose cell it reaches into.
 
-Why single precision is safe: for an origin within `reach`, the rounded distances of a ray's
-origin and direction to a plane misplace a point of the ray by less than 16 units in the
-last place of `reach`, which is half a pad. A hit is misplaced by one pad at most. The
+Single precision is safe. For an origin within `reach`, the rounded distances of a ray's
+origin and direction to a plane displace a point of the ray by less than 16 units in the
+last place of `reach`, which is half a pad. A hit is displaced by one pad at most. The
 builder grows boxes and hulls by `MARGIN` = 2 pads, of which `PROVEN` = 1.5 are needed.
 """
 
@@ -27,7 +27,7 @@ from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
 from renderer.textbook.one_ray import interval_in_box, test_items, trace_ray
 
 MAX_DEPTH = 60  # edges from the root to the deepest leaf
-STACK = 64  # halves that wait: at most one for each edge of the way down
+STACK = 64  # stacked halves: at most one per edge on the way down
 MARGIN, PROVEN = 2.0, 1.5  # pads
 _INFINITY = np.float32(np.inf)
 
@@ -41,7 +41,7 @@ class CellTree(NamedTuple):
     end: NDArray[np.int32]  # (nodes,)
     items: NDArray[np.int32]  # columns of `primitives`, leaf by leaf
     bounds: NDArray[np.float32]  # (6,) of all primitives: lower x y z, upper x y z
-    reach: np.float32  # rays from beyond test all primitives
+    reach: np.float32  # rays from farther away test all primitives
     primitives: Any  # a group of one kind, in the scene's order
 
 
@@ -53,7 +53,7 @@ def _trace_cell_tree(tree, ray, hit, any_hit, tally, i):
     enter, leave = interval_in_box(tree.bounds, ray, hit.t)
     if not enter <= leave:
         return hit
-    # what waits: nodes, and where the ray enters and leaves each
+    # the stack: nodes, and t where the ray enters and leaves each
     nodes, enters, leaves = local_i32(STACK), local_f32(STACK), local_f32(STACK)
     node, depth = np.int64(0), np.int64(0)
     while True:
@@ -61,7 +61,7 @@ def _trace_cell_tree(tree, ray, hit, any_hit, tally, i):
         if tree.child[node] > 0:
             add_to(tally, BOXES, i, 1)
             t, near, far = _crossing(tree, node, ray)
-            if t < enter:  # the ray has crossed the plane before it enters the cell
+            if t < enter:  # the ray crosses the plane before it enters the cell
                 node = far
             elif t > leave:  # the ray ends or leaves the cell before it crosses
                 node = near
@@ -77,7 +77,7 @@ def _trace_cell_tree(tree, ray, hit, any_hit, tally, i):
             return hit
         depth -= 1
         node, enter, leave = np.int64(nodes[depth]), enters[depth], leaves[depth]
-        # all that waits begins here or later; at enter = hit.t there may be a tie
+        # all stacked halves begin here or later; at enter = hit.t there may be a tie
         leave = min(leave, hit.t)
         if enter > leave:
             return hit
@@ -85,10 +85,10 @@ def _trace_cell_tree(tree, ray, hit, any_hit, tally, i):
 
 @kernel
 def _crossing(tree, node, ray):
-    """Return where a ray crosses a node's plane, and the halves before and behind it.
+    """Return t where a ray crosses a node's plane, and the halves before and behind it.
 
-    A ray parallel to the plane never leaves its half. In the plane itself either half will
-    do: what is so near the plane is in both.
+    A ray parallel to the plane never leaves its half. For a ray in the plane either half
+    will do: primitives so close to the plane are in both.
     """
     plane, o, d = tree.plane, ray.origin, ray.direction
     x, y, z = plane[node, 0], plane[node, 1], plane[node, 2]
@@ -105,13 +105,13 @@ def _crossing(tree, node, ray):
     return -away / speed, behind, in_front
 
 
-# --------------------------------------------------------------- what is known of a tree
+# ------------------------------------------------------------------- properties of a tree
 
 
 def cells_of(tree: CellTree) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Return the cells (nodes, 6) and depths (nodes,) of the nodes of a sound tree.
+    """Return the cells (nodes, 6) and depths (nodes,) of the nodes of a valid tree.
 
-    A plane that is not across an axis leaves both children the whole box of their parent.
+    If a plane is not axis-aligned, both children get the whole box of their parent.
     """
     cells = np.empty((len(tree.child), 6), np.float32)
     cells[0] = tree.bounds
@@ -131,10 +131,10 @@ def cells_of(tree: CellTree) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
 
 
 def tree_cost(tree: CellTree, step: float = 1.0, test: float = 2.0) -> float | None:
-    """Return the cost that the surface area heuristic expects of a ray that meets the root.
+    """Return the expected cost of a ray that hits the root, by the surface area heuristic.
 
-    `step` is the cost of a step down the tree, `test` that of a test of a primitive
-    [MacDonald1990]. None for a tree with planes that are not across the axes.
+    `step` is the cost of a step down the tree, `test` that of a primitive test
+    [MacDonald1990]. None for a tree with planes that are not axis-aligned.
     """
     if (tree.plane[tree.child > 0, :3].max(axis=1) < 1.0).any():
         return None

@@ -1,10 +1,10 @@
-"""Building a tree of cells: choose a plane, share out the primitives, do it again.
+"""Build a tree of cells: choose a plane, distribute the primitives, repeat.
 
-A rule (a record, such as `kd_tree.KdRule`) chooses the planes. Everything else is the same
-for all trees: a stack of cells that wait to be cut, and the list of primitives in each.
+A rule (a record, such as `kd_tree.KdRule`) chooses the planes. The rest is the same for all
+trees: a stack of cells to be cut, and the list of primitives in each.
 
-One thread, no recursion, always the same tree. Whatever is built over n primitives, the
-leaves name at most (1 + EXTRA) n of them and no leaf is deeper than `MAX_DEPTH`.
+The build is single-threaded, not recursive and deterministic. For n primitives the leaves
+hold at most (1 + EXTRA) n references, and no leaf is deeper than `MAX_DEPTH`.
 """
 
 from __future__ import annotations
@@ -18,45 +18,45 @@ from renderer.kernels.jit import builder_kernel, interface, kernel
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 from renderer.textbook.cell_tree import MARGIN, MAX_DEPTH, CellTree
 
-LEAF = 4  # up to so many primitives are not divided further
-# What cuts may add: a primitive in both halves, or an empty half, counts as one. What a
-# cell may add is shared among its halves by their size, so that no part of the scene takes
-# the room of another.
+LEAF = 4  # cells with up to this many primitives are not cut
+# Limit of what cuts may add per primitive: a primitive in both halves, or an empty half,
+# counts as one. A cell's remaining budget is divided among its halves by their size, so
+# that no part of the scene uses up that of another.
 EXTRA = 8
 
 
 class Places(NamedTuple):
-    """Where n primitives may be: in their boxes and their hulls, grown by `MARGIN` pads."""
+    """Bounds of n primitives: their boxes and hulls, grown by `MARGIN` pads."""
 
     boxes: NDArray[np.float32]  # (n, 6) lower x y z, upper x y z
     points: NDArray[np.float32]  # (n, 4, 3) corners of the hull
-    growth: NDArray[np.float32]  # (n,) by which the hull is larger than its corners
+    growth: NDArray[np.float32]  # (n,) by which the hull extends beyond its corners
     normal: NDArray[np.float32]  # (n, 3) unit, of the plane of a flat primitive; or 0
 
 
 @interface
 def choose_plane(rule, places, columns, cell, depth, plane):
-    """Write the plane (4,) that cuts a cell; return False if it shall be a leaf.
+    """Write the plane (4,) that cuts a cell; return False for a leaf.
 
     Parameters
     ----------
     rule
-        A record whose class chooses the implementation.
+        A record whose class selects the implementation.
     places : Places
         Of all primitives.
     columns
-        Numbers of the primitives that reach into the cell.
+        Indices of the primitives that reach into the cell.
     cell
-        (6,) its box, if all planes above it lie across axes.
+        (6,) its box, if all planes above it are axis-aligned.
     depth
         Edges from the root.
     plane
-        Room for a unit normal and an offset.
+        Output: a unit normal and an offset.
     """
 
 
 def build_cell_tree(extents: Extents, group: PrimitiveGroup, rule: Any, cell: Any) -> Any:
-    """Build by a rule from a root cell (6,) that holds all; None: from their bounds."""
+    """Build by a rule from a root cell (6,) that holds all; None: their common bounds."""
     margin = np.float32(MARGIN * extents.pad)
     places = Places(
         np.concatenate((extents.lower - margin, extents.upper + margin)).T.copy(),
@@ -92,10 +92,10 @@ def _build(rule, places, root):
     first, end = np.zeros(2 * most, np.int32), np.zeros(2 * most, np.int32)
     items = np.empty(most, np.int32)
     sides, behind = np.empty(n, np.int8), np.empty(n, np.int32)
-    # the primitives of the cells that wait, in the order of the stack
+    # the primitives of the stacked cells, in stack order
     waiting = np.empty(most, np.int32)
     waiting[:n] = np.arange(n)
-    stack = np.empty((MAX_DEPTH + 2, 5), np.int64)  # node, begin, end, depth, room to add
+    stack = np.empty((MAX_DEPTH + 2, 5), np.int64)  # node, begin, end, depth, budget
     cells = np.empty((MAX_DEPTH + 2, 6), np.float32)
     stack[0] = (0, 0, n, 0, EXTRA * n)
     cells[0] = root
@@ -104,7 +104,7 @@ def _build(rule, places, root):
         top -= 1
         node, begin, stop, depth, room = stack[top]
         columns, size, cell = waiting[begin:stop], stop - begin, cells[top]
-        # choose: cut, or make a leaf
+        # cut, or make a leaf
         cut = depth < MAX_DEPTH
         cut = cut and choose_plane(rule, places, columns, cell, depth, plane[node])
         if cut:
@@ -117,7 +117,7 @@ def _build(rule, places, root):
             items[used : used + size] = columns
             used += size
             continue
-        # in front below, behind on top of the stack: that is taken first
+        # the half behind is on top of the stack and is taken first
         _share_out(waiting, begin, stop, sides, behind)
         middle = begin + front
         for_back = (room - added) * back // max(back + front, 1)
@@ -135,7 +135,7 @@ def _build(rule, places, root):
 
 @kernel
 def set_plane(plane, axis, position):
-    """Write a plane across an axis."""
+    """Write an axis-aligned plane."""
     plane[:] = np.float32(0.0)
     plane[axis] = np.float32(1.0)
     plane[3] = position
@@ -143,9 +143,9 @@ def set_plane(plane, axis, position):
 
 @kernel
 def span(places, k, x, y, z):
-    """Return the range of normal . p over the places p of primitive k, in float64.
+    """Return the range of normal . p over the points p of primitive k, in float64.
 
-    Box and hull each hold the primitive; of the two ranges the common part counts.
+    Box and hull each enclose the primitive, so the intersection of their ranges is used.
     """
     middle = half = np.float64(0.0)
     for axis in range(3):
@@ -164,7 +164,7 @@ def span(places, k, x, y, z):
 
 @kernel
 def side_of(places, k, plane):
-    """Return -1: a primitive is behind a plane, 1: in front of it, 0: on both sides."""
+    """Return -1 for a primitive behind a plane, 1 for one in front, 0 for both sides."""
     x, y, z = np.float64(plane[0]), np.float64(plane[1]), np.float64(plane[2])
     low, high = span(places, k, x, y, z)
     if high < plane[3]:
@@ -186,7 +186,7 @@ def _classify(places, columns, plane, sides):
 
 @kernel
 def _share_out(waiting, begin, stop, sides, behind):
-    """Replace a cell's list by that of its front half and then that of its back half."""
+    """Replace a cell's list by that of its front half, then that of its back half."""
     to_back, to_front = 0, begin
     for i in range(begin, stop):
         k = waiting[i]

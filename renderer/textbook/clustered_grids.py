@@ -1,11 +1,11 @@
-"""Hierarchical grid, second construction: clusters with grids of their own, in one grid.
+"""Hierarchical grid, second construction: one grid of clusters with grids of their own.
 
-Primitives of about the same size that lie near each other form a cluster [Cazals1995]: they
-are sorted into classes by size, and of each class, those in neighbouring cells of a coarse
-raster belong together. Each cluster gets a uniform grid. One grid of the whole scene holds
-the clusters, as if they were large primitives, and what is in none [Klimaszewski1997].
+Primitives of similar size that are close together form a cluster [Cazals1995]. They are
+sorted into classes by size; within a class, primitives in neighbouring cells of a coarse
+raster are connected. Each cluster gets a uniform grid. One grid of the whole scene holds
+the clusters, like large primitives, and all other primitives [Klimaszewski1997].
 
-Neither this construction nor nested grids are always the better. Cells visited + primitives
+Neither this construction nor nested grids are always better. Cells visited + primitives
 tested per ray:
 
 ==============================================  ==========  ==========  ==========
@@ -17,7 +17,7 @@ ten swarms of 2000 triangles, rays at them      51 + 400    58 + 20     26 + 14
 a ball of 5000 triangles in a stadium           1 + 5000    32 + 24     27 + 19
 ==============================================  ==========  ==========  ==========
 
-Clusters cross empty space in the fewest steps. Nested grids need nothing to cluster, and
+Clusters cross empty space in the fewest steps. Nested grids do not depend on clusters, and
 refine where a mesh is dense.
 """
 
@@ -40,10 +40,10 @@ from renderer.textbook.uniform_grid import (
     pad_of,
 )
 
-GAP = 2.0  # factor between two sizes, with none in between, that parts two classes
+GAP = 2.0  # ratio of two consecutive sizes that separates two classes
 LINK = 4.0  # edge of the raster's cells, in median sizes of the class
-FEW = 16  # primitives that make no cluster
-_RASTER = 2**19  # most cells along an edge of the raster: three numbers in 64 bits
+FEW = 16  # a cluster has more primitives than this
+_RASTER = 2**19  # most cells along an edge of the raster: three indices in 64 bits
 
 
 def build_clustered_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
@@ -54,7 +54,7 @@ def build_clustered_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
     alone, *members = np.split(
         order, np.searchsorted(cluster[order], np.arange(cluster.max() + 1))
     )
-    # the row of cluster c is the number by which items name its grid
+    # items refer to cluster c's grid by the row of the cluster
     clustered = [enclose(boxes[columns], pad) for columns in members]
     rows = np.concatenate((boxes, np.zeros((1, 6)), np.reshape(clustered, (-1, 6))))
     top = np.concatenate((alone, n + 1 + np.arange(len(members), dtype=np.int32)))
@@ -66,7 +66,7 @@ def build_clustered_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
 
 
 def clusters(extents: Extents) -> NDArray[np.int64]:
-    """Return the number of each primitive's cluster, (n,); -1 for those in none."""
+    """Return the cluster of each primitive, (n,); -1 if it is in none."""
     low, high = extents.lower.astype(np.float64), extents.upper.astype(np.float64)
     size = np.maximum((high - low).max(axis=0), pad_of(extents))
     kind, usual = _size_classes(size)
@@ -88,7 +88,7 @@ def _size_classes(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return each primitive's class, and the median size of each class.
 
-    A class ends where the histogram of sizes has a gap: no size within a factor of `GAP`.
+    A class ends at a gap between sorted sizes: a ratio of more than `GAP`.
     """
     rank = np.argsort(size, kind="stable")
     begins = np.concatenate(([True], size[rank[1:]] > GAP * size[rank[:-1]]))
@@ -99,10 +99,10 @@ def _size_classes(
 
 
 def _components(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return for each cell, keys ascending, the first of those that it is connected to.
+    """Return for each cell, keys ascending, the first cell of its connected component.
 
-    Each cell takes the least label among its neighbours', and then the label of that label,
-    so that a chain of n cells takes log n rounds.
+    Each cell takes the least label of its neighbours, and then the label of that label, so
+    a chain of n cells takes log n rounds.
     """
     steps = itertools.product((-1, 0, 1), repeat=3)
     offsets = [

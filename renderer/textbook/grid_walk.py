@@ -1,16 +1,16 @@
-"""A ray's walk through the cells of grids: the three-dimensional DDA [Amanatides1987].
+"""Grid traversal: the three-dimensional DDA [Amanatides1987].
 
-Of the three planes through which a ray can leave its cell it crosses the nearest; that
-plane alone is moved on. A plane's distance is computed from its number each time, never
-added up, so that no error grows with the number of steps: a distance is wrong by a few
-units in the last place of `reach`, for which the builders leave room. Through an edge or a
-corner the ray goes by way of one of the cells that only touch it; what lies there is listed
-in all of them, since boxes are grown.
+Of the three planes through which a ray can leave its cell it crosses the nearest, and only
+that plane is advanced. The distance of a plane is computed from its index each time, not
+accumulated, so the error does not grow with the number of steps: it is a few units in the
+last place of `reach`, for which the builders leave a margin. At an edge or a corner the ray
+passes through one of the adjacent cells; all of them list the primitives there, since
+boxes are grown.
 
-A cell lists primitives and finer grids. A ray that finds a grid in its cell walks through
-it to its end or to a hit, and then goes on in the cell where it was: for each level of
-nesting it keeps its place [Jevans1989]. A primitive lies in many cells; mailboxes remember
-which ones the ray has tested, and can be left out to show what they save.
+A cell lists primitives and finer grids. A ray that finds a grid in its cell traverses it to
+its end or to a hit, and then continues in the outer cell; it keeps its place for each level
+of nesting [Jevans1989]. A primitive may be in many cells. Mailboxes remember which ones the
+ray has tested, and can be disabled to measure their savings.
 """
 
 from __future__ import annotations
@@ -32,38 +32,38 @@ from renderer.textbook.one_ray import (
     trace_ray,
 )
 
-LEVELS = 6  # most grids that lie in each other, with the outermost
+LEVELS = 6  # most nested grids, including the outermost
 _AXES = 3 * LEVELS
 _INFINITY = np.float32(np.inf)
 _ZERO = np.float32(0.0)
 
 
 class Grids(NamedTuple):
-    """One grid or many, of which number 0 is the outermost; cells and items in order."""
+    """One or many grids, of which number 0 is the outermost; cells and items in order."""
 
     lower: NDArray[np.float32]  # (grids, 3) corner with the smallest x, y, z
     size: NDArray[np.float32]  # (grids, 3) edges of a cell
     resolution: NDArray[np.int32]  # (grids, 3) number of cells along x, y, z
-    first: NDArray[np.int32]  # (grids,) number of the first cell; x runs fastest
-    start: NDArray[np.int32]  # (cells + 1,) where the items of a cell begin
-    items: NDArray[np.int32]  # ascending in a cell; of n primitives: columns; n + g: grid g
-    reach: np.float32  # rays from beyond test all primitives
-    mailboxed: int | None  # how many tests a ray remembers; None: it has no mailboxes
+    first: NDArray[np.int32]  # (grids,) index of the first cell; x runs fastest
+    start: NDArray[np.int32]  # (cells + 1,) first item of each cell
+    items: NDArray[np.int32]  # ascending in a cell: columns; n + g: grid g, of n primitives
+    reach: np.float32  # rays from farther away test all primitives
+    mailboxed: int | None  # number of tests that a ray remembers; None: no mailboxes
     primitives: Any  # a group of one kind, in the scene's order
 
 
 class Walk(NamedTuple):
-    """Where a ray is in each grid around it: x, y, z of level k begin at 3 k."""
+    """The state of a ray in each grid around it: x, y, z of level k begin at 3 k."""
 
     origin: Any  # (3,) of the ray
     direction: Any  # (3,)
     inverse: Any  # (3,) 1 / direction; infinite: parallel to the axis's planes
-    plane: Any  # (_AXES,) number of the plane through which the ray leaves its cell
-    last: Any  # (_AXES,) number of the plane through which it leaves the grid
-    stride: Any  # (_AXES,) what a step adds to the cell's number
-    crossing: Any  # (_AXES,) distance of `plane`; infinite: never
-    cell: Any  # (LEVELS,) number of the cell
-    entry: Any  # (LEVELS,) distance at which the ray enters it
+    plane: Any  # (_AXES,) index of the plane through which the ray leaves its cell
+    last: Any  # (_AXES,) index of the plane through which it leaves the grid
+    stride: Any  # (_AXES,) change of the cell's index per step
+    crossing: Any  # (_AXES,) t at `plane`; infinite: never
+    cell: Any  # (LEVELS,) index of the cell
+    entry: Any  # (LEVELS,) t at which the ray enters the cell
 
 
 @trace_ray.by(Grids)
@@ -75,17 +75,17 @@ def _trace_grids(grids, ray, hit, any_hit, tally, i):
 
 @kernel
 def _trace(grids, mailboxed, ray, hit, any_hit, tally, i):
-    """Trace one ray; Numba sees that an argument is None, of a field it would not."""
+    """Trace one ray; `mailboxed` is an argument so that Numba types it as None."""
     if mailboxed is None:
         mailboxes = None
     else:
         mailboxes = local_i32(MAILBOXES)
     clear_mailboxes(mailboxes)
-    # of grids: the primitives in a grid would soon overwrite it among their own
+    # mailboxes of grids: primitives would soon overwrite them
     entered = local_i32(MAILBOXES)
     clear_mailboxes(entered)
-    within = local_i32(LEVELS)  # the grid
-    place = local_i32(LEVELS)  # the next item of the cell
+    within = local_i32(LEVELS)  # the grid of each level
+    place = local_i32(LEVELS)  # the next item of each level's cell
     walk = Walk(
         local_f32(3),
         local_f32(3),
@@ -107,7 +107,7 @@ def _trace(grids, mailboxed, ray, hit, any_hit, tally, i):
             within[level], place[level] = g, start[walk.cell[level]]
         if level < 0:
             return hit
-        # the primitives of a cell come before its grids
+        # in a cell, primitives come before grids
         k, end = np.int64(place[level]), np.int64(start[walk.cell[level] + 1])
         while k < end and items[k] < count:
             if not already_tested(mailboxes, items[k], tally, i):
@@ -120,7 +120,7 @@ def _trace(grids, mailboxed, ray, hit, any_hit, tally, i):
         if k < end:
             if not already_tested(entered, items[k], None, i):
                 g = np.int64(items[k]) - count
-        # a cell that begins at a hit's t may hold one of smaller id at the same t
+        # a cell that begins at a hit's t may hold a smaller id at the same t
         elif (
             _step(grids, np.int64(within[level]), walk, level)
             and walk.entry[level] <= hit.t
@@ -133,7 +133,7 @@ def _trace(grids, mailboxed, ray, hit, any_hit, tally, i):
 
 @kernel
 def _set_out(walk, ray):
-    """Write the ray; it is in no grid yet."""
+    """Initialise the walk with the ray, outside of all grids."""
     o, d = ray.origin, ray.direction
     walk.origin[0], walk.origin[1], walk.origin[2] = o.x, o.y, o.z
     walk.direction[0], walk.direction[1], walk.direction[2] = d.x, d.y, d.z
@@ -143,14 +143,14 @@ def _set_out(walk, ray):
 
 @kernel
 def _plane_distance(grids, g, walk, axis, plane):
-    """Return where the ray crosses a plane; not for parallel ones (0 * inf is NaN)."""
+    """Return t at a plane; not for parallel rays (0 * inf is NaN)."""
     position = grids.lower[g, axis] + np.float32(plane) * grids.size[g, axis]
     return (position - walk.origin[axis]) * walk.inverse[axis]
 
 
 @kernel
 def _entry_to_box(grids, g, walk):
-    """Return where the ray enters a grid's box, at least 0; infinite if it does not."""
+    """Return t where the ray enters a grid's box, at least 0; infinite for a miss."""
     enter, leave = _ZERO, _INFINITY
     for axis in range(3):
         cells = grids.resolution[g, axis]
@@ -177,7 +177,7 @@ def _enter_grid(grids, g, walk, level, t_max, tally, i):
     cell, stride = np.int64(grids.first[g]), np.int64(1)
     for axis in range(3):
         cells = np.int64(grids.resolution[g, axis])
-        # rounding, or a corner just touched: clamped, and before it becomes an integer
+        # clamp for rounding at the boundary, before conversion to an integer
         place = walk.origin[axis] + enter * walk.direction[axis] - grids.lower[g, axis]
         place = min(max(place / grids.size[g, axis], _ZERO), np.float32(cells - 1))
         k = np.int64(place)
@@ -200,7 +200,7 @@ def _enter_grid(grids, g, walk, level, t_max, tally, i):
 def _step(grids, g, walk, level):
     """Go on to the next cell; return False if the ray leaves the grid instead.
 
-    Each step moves one of three numbers towards its end, so there are fewer steps than
+    Each step moves one of three indices towards its end, so there are fewer steps than
     cells along the three edges of the grid.
     """
     at = 3 * level

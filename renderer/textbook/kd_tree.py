@@ -1,16 +1,16 @@
-"""kd-tree: a tree of cells whose planes lie across the axes [Bentley1975].
+"""kd-tree: a tree of cells with axis-aligned planes [Bentley1975].
 
-Where to cut? The lecture's three answers:
+The lecture has three rules for the position of a plane:
 
-- in the middle: both halves are met equally often, whatever they hold;
-- at the median: both halves hold equally much, however often they are met;
-- where the expected cost is least, by the surface area heuristic [MacDonald1990]. A ray
-  that meets a cell meets a part of it with a probability of the ratio of their surface
-  areas, so that a cut into L and R costs
+- the middle: both halves are hit equally often, whatever they hold;
+- the median: both halves hold equally many primitives, however often they are hit;
+- the least expected cost, by the surface area heuristic [MacDonald1990]. A ray that hits a
+  cell hits a part of it with a probability of the ratio of their surface areas, so a cut
+  into L and R costs
 
       C = C_step + A_L / A  n_L C_test + A_R / A  n_R C_test
 
-  against n C_test for a leaf. This cuts off large empty parts and isolates what is complex.
+  against n C_test for a leaf. This cuts off large empty parts and isolates complex ones.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from renderer.textbook.cell_tree_build import LEAF, build_cell_tree, choose_plan
 
 MIDDLE, MEDIAN, CHEAPEST = 0, 1, 2
 
-STEP_COST = 1.0  # of one step down the tree
-TEST_COST = 2.0  # of a test of a primitive
-# What cuts off an empty part is worth more than the estimate says, since the estimate takes
-# the other part for a leaf [Wald2006].
+STEP_COST = 1.0  # of a step down the tree
+TEST_COST = 2.0  # of a primitive test
+# Factor for a cut that makes an empty part. The estimate treats the other part as a leaf,
+# and so undervalues such a cut [Wald2006].
 EMPTY_BONUS = 0.8
-# Candidates are the borders of so many equal bins along each axis: counting which boxes
-# begin and end in each takes the place of sorting them [Hunt2006].
+# Candidates are the borders of this many equal bins along each axis. The boxes that begin
+# and end in each bin are counted, instead of sorted [Hunt2006].
 BINS = 64
 
 
 class KdRule(NamedTuple):
-    """Where a kd-tree cuts its cells."""
+    """The rule by which a kd-tree cuts its cells."""
 
     number: int  # MIDDLE, MEDIAN or CHEAPEST
-    begins: NDArray[np.int64]  # (BINS,) boxes that begin in each bin
-    ends: NDArray[np.int64]  # (BINS,) boxes that end there
+    begins: NDArray[np.int64]  # (BINS,) number of boxes that begin in each bin
+    ends: NDArray[np.int64]  # (BINS,) number of boxes that end in each bin
 
 
 def build_kd_tree(extents: Extents, group: PrimitiveGroup, rule: int) -> CellTree:
@@ -60,7 +60,7 @@ def _choose_plane(rule, places, columns, cell, depth, plane):
         return False
     if rule.number == CHEAPEST:
         return cheapest_plane(rule, places, columns, cell, plane)
-    # across the longest axis on which the plane leaves something out on one side
+    # the longest axis on which some box is on one side of the plane only
     longest = np.float32(0.0)
     for axis in range(3):
         length = cell[axis + 3] - cell[axis]
@@ -89,14 +89,14 @@ def median_plane(boxes, columns, axis):
 
 @kernel
 def _parts(boxes, columns, axis, position):
-    """Return whether some box lies on one side of a plane alone."""
+    """Return whether some box is on one side of a plane only."""
     for k in columns:
         if boxes[k, axis] > position or boxes[k, axis + 3] < position:
             return True
     return False
 
 
-# ------------------------------------------------------------ the surface area heuristic
+# ------------------------------------------------------------- surface area heuristic
 
 
 @kernel
@@ -128,18 +128,18 @@ def cheapest_plane(rule, places, columns, cell, plane):
 
 @kernel
 def _bin(position, low, width):
-    """Return the bin of a coordinate; what lies outside of the cell is in the last one."""
+    """Return the bin of a coordinate, clamped to the cell's bins."""
     return min(max(int((np.float64(position) - low) / width), 0), BINS - 1)
 
 
 @kernel
 def split_cost(cell, axis, position, below, above):
-    """Return C of a cut with so many primitives below and above the plane."""
+    """Return C of a cut with `below` and `above` primitives on the sides of the plane."""
     height = np.float64(cell[axis + 3]) - np.float64(cell[axis])
     b = np.float64(cell[(axis + 1) % 3 + 3]) - np.float64(cell[(axis + 1) % 3])
     c = np.float64(cell[(axis + 2) % 3 + 3]) - np.float64(cell[(axis + 2) % 3])
     low = np.float64(position) - np.float64(cell[axis])
-    area = b * c + height * (b + c)  # half the surface
+    area = b * c + height * (b + c)  # half the surface area
     if not area > 0.0:
         return np.inf
     met_below = (b * c + low * (b + c)) / area

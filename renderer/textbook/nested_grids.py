@@ -1,9 +1,9 @@
-"""Hierarchical grid, first construction: a cell that holds many gets a grid of its own.
+"""Hierarchical grid, first construction: a dense cell gets a grid of its own.
 
-A grid over the whole scene, and again one in each of its cells that is worth it, and so
-on [Jevans1989]. Worth it is a grid that is expected to cost a ray less than testing the
-cell's primitives, by the surface area heuristic [MacDonald1990]: of the rays that meet a
-box, a cell inside is met by the share of its surface.
+One grid covers the scene, and recursively each of its cells gets a grid if that pays
+[Jevans1989]. A grid pays if its expected cost for a ray is less than testing the cell's
+primitives, by the surface area heuristic [MacDonald1990]: a ray that hits a box hits a cell
+inside it with a probability of the ratio of their surface areas.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from renderer.textbook.uniform_grid import (
     pad_of,
 )
 
-DENSITY = 2.0  # cells for each primitive: half of what a grid without finer ones has
-MANY = 8  # primitives that a cell holds without any thought of a grid
+DENSITY = 2.0  # cells per primitive: half of the density of a single grid
+MANY = 8  # a cell with up to this many primitives gets no grid
 # Costs of entering a grid, and of a step from cell to cell, in primitive tests.
 ENTERING = 2.0
 STEP = 0.3
-MOST_CELLS = 8  # for each primitive, of all grids together; of items, `MOST_COPIES`
+MOST_CELLS = 8  # per primitive, of all grids together; of items, `MOST_COPIES`
 
 
 def build_nested_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
-    """Build a grid of all, and grids in its dense cells, breadth first."""
+    """Build a grid of all primitives, and grids in its dense cells, breadth first."""
     boxes, pad = boxes_of(extents), pad_of(extents)
     n = len(boxes)
     columns, box = np.arange(n, dtype=np.int32), enclose(boxes, pad)
     grids = [make_grid(boxes, columns, box, DENSITY, pad, MOST_COPIES * n)]
     levels = [1]
     inner: list[dict[int, int]] = [{}]  # of each grid: cell -> the grid in it
-    # cells and items that may be added
+    # cells and items that may still be added
     room = MOST_CELLS * n - grids[0].resolution.prod()
     most = MOST_COPIES * n - len(grids[0].items)
-    for g, grid in enumerate(grids):  # which grows meanwhile
+    for g, grid in enumerate(grids):  # `grids` grows during the loop
         if levels[g] == LEVELS:
             break
         for cell in np.flatnonzero(np.diff(grid.start) > MANY).tolist():
@@ -70,7 +70,7 @@ def build_nested_grids(extents: Extents, group: PrimitiveGroup) -> Grids:
 def _clipped(
     box: NDArray[np.float64], grid: Grid, cell: int, margin: float
 ) -> NDArray[np.float64]:
-    """Return the part of a box in a cell with a margin, outside of which no ray looks."""
+    """Return the part of a box in a cell with a margin; rays look for it only there."""
     place = np.unravel_index(cell, grid.resolution, order="F")
     low = grid.lower + np.array(place) * grid.size.astype(np.float64)
     high = low + grid.size + margin
@@ -78,14 +78,14 @@ def _clipped(
 
 
 def _cost(grid: Grid) -> float:
-    """Return the expected cost of a ray that meets a grid, in primitive tests."""
+    """Return the expected cost of a ray that hits a grid, in primitive tests."""
     cell, whole = grid.size.astype(np.float64), grid.size * grid.resolution
     share = (cell * np.roll(cell, 1)).sum() / (whole * np.roll(whole, 1)).sum()
     return float(ENTERING + share * (STEP * grid.resolution.prod() + len(grid.items)))
 
 
 def _with_inner(grid: Grid, inner: dict[int, int], n: int) -> Grid:
-    """Return a grid whose cells hold finer grids in place of the items listed there."""
+    """Return a grid in whose cells finer grids replace the items listed there."""
     if not inner:
         return grid
     cells = np.array(list(inner))

@@ -1,8 +1,8 @@
-"""Octree: a cube cut into eight equal cubes, and these again where it is crowded.
+"""Octree: a cube cut into eight equal cubes, recursively where it is crowded.
 
-The lecture's criteria: a cell is cut while it holds more than `LEAF` primitives and the
-depth allows. Walking it is complex if a node has eight children; the slides propose the
-algorithm of the kd-tree instead. So a cut into eight is three cuts into two here, across x,
+The lecture's criterion: a cell is cut while it holds more than `LEAF` primitives and the
+depth allows. Traversal of nodes with eight children is complex; the slides propose the
+algorithm of the kd-tree instead. So a cut into eight is three binary cuts here, across x,
 then y, then z, and every third level of the tree is a level of the octree.
 """
 
@@ -23,17 +23,17 @@ from renderer.textbook.cell_tree_build import (
     set_plane,
 )
 
-MAX_LEVELS = 16  # of cubes in cubes
-# A cut that makes twice as many references does not help. Around a vertex where more than
-# LEAF triangles meet such cuts would go on to the last level. A large cell may be cut all
-# the same: a wall in its middle is copied into four cells once, and then no more.
+MAX_LEVELS = 16  # of nested cubes
+# A cut that doubles the references or more does not help. Around a vertex where more than
+# LEAF triangles meet, such cuts would go on to the last level. A large cell may still be
+# cut: a wall in its middle is copied into four cells once, and then no more.
 MOST_COPIES = 2
 WALL_COPIES = 5
 LARGE = 64
 
 
 class Octants(NamedTuple):
-    """The rule: all cells in the middle, three axes in turn."""
+    """The rule: cut all cells in the middle, across the three axes in turn."""
 
     levels: int
 
@@ -61,7 +61,7 @@ def _choose_plane(rule, places, columns, cell, depth, plane):
 
 @kernel
 def _helps(places, columns, cell):
-    """Return whether a cell is crowded and its eight parts would hold less."""
+    """Return whether a cell is crowded and a cut would divide its primitives."""
     size = len(columns)
     if size <= LEAF:
         return False

@@ -1,12 +1,12 @@
-"""A ray, its nearest hit so far, and the loops that send rays through a structure.
+"""A ray, its nearest hit so far, and the loops that trace rays through a structure.
 
-At equal distance the primitive with the smaller id wins. So no order of visits changes the
-outcome, and every structure returns the bits that brute force returns.
+At equal distance the primitive with the smaller id wins. So the result does not depend on
+the order of visits, and every structure returns the same bits as brute force.
 
-A structure of cells holds each primitive wherever its grown box or hull reaches. The growth
-covers the rounding of rays that start within `reach` of the world's origin. A ray from
-farther away, and one whose direction is so long or so short that products would leave
-single precision, is tested against all primitives.
+A structure of cells lists each primitive wherever its grown box or hull reaches. The growth
+covers the rounding of rays that start within `reach` of the world's origin. Rays from
+farther away, and rays with a direction so long or short that products would leave the range
+of single precision, are tested against all primitives.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from renderer.plugins.shapes.primitives import hit_primitive, primitive_at
 
 MAILBOXES = 64  # a power of two
 _SHORTEST, _LONGEST = np.float32(1e-15), np.float32(1e15)  # |x| + |y| + |z| of directions
-# `reach` is a sum of coordinates, rounded: a camera that starts there must be within it.
+# `reach` is a rounded sum of coordinates: a camera that starts there must be within it.
 _ROUNDED = np.float32(1.000001)
 _INFINITY = np.float32(np.inf)
 
@@ -33,14 +33,14 @@ class Ray(NamedTuple):
 
     origin: Any  # vector of float32
     direction: Any  # vector of float32, of any length
-    inverse: Any  # 1 / direction; infinite along an axis that the ray is parallel to
+    inverse: Any  # 1 / direction; infinite along an axis that the ray is perpendicular to
 
 
 class RayHit(NamedTuple):
     """The nearest hit so far."""
 
-    t: Any  # the end of the ray before the first hit
-    prim: Any  # primitive id, -1: none yet
+    t: Any  # t_max before the first hit
+    prim: Any  # primitive id, -1 for none yet
     u: Any
     v: Any
 
@@ -52,16 +52,16 @@ def trace_ray(structure, ray, hit, any_hit, tally, i):
     Parameters
     ----------
     structure
-        The record of a structure, whose class chooses the implementation.
+        The record of a structure, whose class selects the implementation.
     ray : Ray
-        Finite, with a direction that is not 0, from within `structure.reach`.
+        Finite, with a nonzero direction, from within `structure.reach`.
     hit : RayHit
-        What is known before.
+        The hit so far.
     any_hit : int64
         A number, not a literal: Numba types a traversal once for both kinds of query, and
-        LLVM knows its value in each.
+        LLVM knows the value in each.
     tally, i
-        Where to count the work, or None; the number of the ray.
+        Counters of the work, or None; the index of the ray.
     """
 
 
@@ -86,7 +86,7 @@ def trace_ray_by_ray(structure, query, first, count, tally):
 
 @kernel
 def _hit_of(structure, origin, direction, hit, any_hit, tally, i):
-    """Return the hit of any ray; NaN, infinity and the direction 0 hit nothing."""
+    """Return the hit of any ray; a ray with NaN, infinity or direction 0 hits nothing."""
     far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
     length = fabs(direction.x) + fabs(direction.y) + fabs(direction.z)
     if not (far < _INFINITY and np.float32(0.0) < length < _INFINITY):
@@ -101,12 +101,12 @@ def _hit_of(structure, origin, direction, hit, any_hit, tally, i):
     return hit
 
 
-# ------------------------------------------------------------- what a leaf or a cell does
+# ---------------------------------------------------------------------- primitive tests
 
 
 @kernel
 def test_items(structure, begin, end, ray, hit, any_hit, tally, i):
-    """Return the nearest hit after the primitives items[begin:end] were tested."""
+    """Return the nearest hit after testing the primitives items[begin:end]."""
     for k in range(begin, end):
         hit = test_primitive(structure.primitives, structure.items[k], ray, hit, tally, i)
         if any_hit != 0 and hit.prim >= 0:
@@ -131,8 +131,8 @@ def test_primitive(primitives, k, ray, hit, tally, i):
 def interval_in_box(box, ray, t_max):
     """Return (enter, leave) of a ray in a box (6,), within 0 to t_max.
 
-    The ray meets the box if enter <= leave. A ray that lies in a face gives 0 * inf = NaN,
-    which fails both comparisons of `_between`: it counts as inside.
+    The ray hits the box if enter <= leave. A ray in a face gives 0 * inf = NaN, which fails
+    both comparisons of `_between`, so it counts as inside.
     """
     o, inverse = ray.origin, ray.inverse
     enter, leave = _between(box[0], box[3], o.x, inverse.x, np.float32(0.0), t_max)
@@ -142,7 +142,7 @@ def interval_in_box(box, ray, t_max):
 
 @kernel
 def _between(low, high, start, inverse, enter, leave):
-    """Return the part of an interval that lies between two planes."""
+    """Return the part of an interval that is between two planes."""
     a = (low - start) * inverse
     b = (high - start) * inverse
     if inverse < 0.0:
@@ -155,7 +155,7 @@ def _between(low, high, start, inverse, enter, leave):
 
 @kernel
 def clear_mailboxes(mailboxes):
-    """Forget what was tested, for the next ray."""
+    """Clear the mailboxes for the next ray."""
     if mailboxes is None:
         return
     mailboxes[:] = -1
@@ -163,11 +163,10 @@ def clear_mailboxes(mailboxes):
 
 @kernel
 def already_tested(mailboxes, k, tally, i):
-    """Return whether item k was tested lately, and remember that it is tested now.
+    """Return whether item k was tested recently, and record the test.
 
-    Each ray keeps the last items that it met, in `MAILBOXES` places by number. An item that
-    was overwritten is tested once more, which changes no hit. `mailboxes` None: there are
-    none, and every item counts as new.
+    A ray remembers its last items, in `MAILBOXES` places by item number. If overwritten, it
+    is tested again, which changes no hit. If `mailboxes` is None, every item counts as new.
     """
     if mailboxes is None:
         return False

@@ -1,12 +1,12 @@
-"""Uniform grid: space in equal cells, each with the list of what lies in it.
+"""Uniform grid: equal cells, each with the list of primitives in it.
 
 The number of cells is proportional to that of the primitives [Cleary1988]. A primitive is
-listed in each cell that its box meets. Cells are all alike: of a teapot in a stadium, one
-cell holds the teapot. Grids in grids are the answer (`nested_grids.py`,
-`clustered_grids.py`); they are the same record, walked by the same rays (`grid_walk.py`).
+listed in each cell that its box overlaps. All cells are equal: of a teapot in a stadium,
+one cell holds it. Nested grids solve this (`nested_grids.py`, `clustered_grids.py`);
+they use the same record and the same traversal (`grid_walk.py`).
 
-The lists of all cells follow each other in one array: two passes over the primitives, one
-that counts and one that writes, so that nothing is allocated for a cell.
+The lists of all cells are stored in sequence in one array. There are two passes over the
+primitives, one that counts and one that writes, and no allocation per cell.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 from renderer.textbook.grid_walk import Grids
 from renderer.textbook.one_ray import MAILBOXES
 
-# Cells for each primitive. A density of one makes the cube root of n cells along each
-# edge, as the lecture has it; the best one is a constant [Cleary1988]. Cells visited and
-# primitives tested per ray from afar, mesh of 81,920 triangles: 15 and 47 at a density of
-# 1, 24 and 24 at 4, 31 and 18 at 8; a step costs a third to half of a test.
+# Cells per primitive. A density of one makes the cube root of n cells along each edge, as
+# in the lecture; the best density is a constant [Cleary1988]. Cells visited and primitives
+# tested per ray from afar, mesh of 81,920 triangles: 15 and 47 at a density of 1, 24 and 24
+# at 4, 31 and 18 at 8; a step costs a third to half of a test.
 DENSITY = 4.0
-# Most cells that list a primitive, on the average: a grid of more is made coarser.
+# Most cells per primitive on average; a grid with more is made coarser.
 MOST_COPIES = 32
-# A box is larger by so many `pad`: one is where rays may find a primitive by the rounding
-# of its own test, the other is for the rounding of the walk.
+# Boxes are enlarged by this many `pad`: one for the rounding of a primitive's own test, one
+# for the rounding of the traversal.
 MARGIN = 2.0
-SHORTEST = 4.0 * MARGIN  # edge of a cell in `pad`: below, it would hold margins alone
+SHORTEST = 4.0 * MARGIN  # edge of a cell in `pad`; a shorter one would hold margins only
 
 
 class Grid(NamedTuple):
-    """One grid of equal cells; x runs fastest in their numbers."""
+    """One grid of equal cells; x runs fastest in cell indices."""
 
     lower: NDArray[np.float32]  # (3,) corner with the smallest x, y, z
     size: NDArray[np.float32]  # (3,) edges of a cell
@@ -57,12 +57,12 @@ def build_uniform_grid(
     Parameters
     ----------
     extents, group
-        What every builder is given.
+        As for every builder.
     mailboxed
-        None for rays without mailboxes: they test a primitive in each cell they find it in.
+        None for rays without mailboxes: they test a primitive again in each cell.
     density
-        Cells for each primitive; fewer where cells would list more than `MOST_COPIES` of
-        each on the average.
+        Cells per primitive; fewer if a primitive would be in more than `MOST_COPIES` cells
+        on average.
     """
     boxes, pad = boxes_of(extents), pad_of(extents)
     most = int(max(MOST_COPIES, density) * len(boxes))
@@ -72,7 +72,7 @@ def build_uniform_grid(
 
 
 def pad_of(extents: Extents) -> float:
-    """Return `extents.pad`, or a little more than 0 where all is a point at the origin."""
+    """Return `extents.pad`, or slightly more than 0 if all is a point at the origin."""
     return max(extents.pad, 1e-30)
 
 
@@ -94,9 +94,9 @@ def choose_resolution(
 ) -> NDArray[np.int64]:
     """Return the numbers of cells along x, y, z of a box: at most `wanted` in all.
 
-    The cells are as near to cubes as can be. An axis too short for one such cube gets one
-    cell, and the others share what is wanted: its square root along each edge of a flat
-    scene. No cell gets edges below `shortest`.
+    Cells are as close to cubes as possible. An axis too short for one such cube gets one
+    cell, and the others share the rest: in a flat scene the square root of `wanted` along
+    each edge. No cell gets edges below `shortest`.
     """
     shares = np.ones(3, bool)
     per_length = 0.0
@@ -120,12 +120,12 @@ def make_grid(
 ) -> Grid:
     """Return a grid over a box that lists some of the boxes, by their rows.
 
-    The resolution is halved as long as there are more than `most` items, down to one cell,
-    which lists each of them once.
+    The resolution is halved while there are more than `most` items, down to one cell, which
+    lists each of them once.
     """
     lower = box[:3].astype(np.float32)
     edges = box[3:] - lower
-    most = max(most, len(columns))  # or counting would end before the last one
+    most = max(most, len(columns))  # or counting would stop before the last one
     resolution = choose_resolution(edges, density * len(columns), SHORTEST * pad)
     while True:
         size = (edges / resolution).astype(np.float32)
@@ -142,10 +142,10 @@ def make_grid(
 
 @entry_kernel
 def _visit_cells(boxes, columns, lower, size, resolution, place, most, items):
-    """Count in `place` what each cell lists, or write it to items[place]; return the sum.
+    """Count in `place` the items of each cell, or write items[place]; return the sum.
 
-    Counting ends when the sum exceeds `most`. In double precision, with the corner and the
-    cell size that the rays see.
+    Counting stops when the sum exceeds `most`. It is in double precision, with the same
+    corner and cell size as in the traversal.
     """
     total = np.int64(0)
     low, high = local_i64(3), local_i64(3)

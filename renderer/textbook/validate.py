@@ -1,8 +1,8 @@
-"""The proof of every structure: no ray can miss a primitive.
+"""Validation of every structure: no ray can miss a primitive.
 
-All primitives are sent down the structure, each to every cell that it reaches into, and the
-cell must list it. Where a primitive may be is its box and its hull, grown by as much as the
-traversal needs, which is less than builders grow them by. Nothing here is shared with the
+All primitives are inserted into the structure: each cell that a primitive reaches into must
+list it. A primitive is represented by its box and its hull, grown by the amount that the
+traversal needs, which is less than the builders' growth. No code is shared with the
 builders.
 """
 
@@ -19,9 +19,9 @@ from renderer.textbook.cell_tree import MAX_DEPTH, PROVEN, CellTree
 from renderer.textbook.grid_walk import LEVELS, Grids
 
 Columns = NDArray[np.int64]
-_CHUNK = 100_000  # pairs of a primitive and a plane that are looked at together
-# Rays that are in a cell of a grid may be so far outside of it by their rounding, in `pad`
-# (which is 32 units in the last place of `reach`; a plane's distance takes 4 operations).
+_CHUNK = 100_000  # pairs of a primitive and a plane per batch
+# By rounding, a ray can be outside of its grid cell by this much, in `pad` (32 units
+# in the last place of `reach`; a plane's distance takes 4 operations).
 _ASTRAY = 0.25
 
 
@@ -31,7 +31,7 @@ def validate_structure(structure: Any, extents: Extents) -> None:
     Raises
     ------
     ValueError
-        If not; the message says which node, cell or item, and what is wrong with it.
+        Otherwise; the message says which node, cell or item, and what is wrong with it.
     """
     n = extents.lower.shape[1]
     _require(structure.primitives.count == n, f"not each of {n} primitives is held once")
@@ -54,21 +54,21 @@ def _require(condition: Any, fault: str) -> None:
 
 
 def _require_none(what: str, numbers: NDArray[Any], fault: str) -> None:
-    """Raise ValueError if any number is given: the first one, with its fault."""
+    """Raise ValueError for the first of the given numbers, if any, with its fault."""
     if numbers.size:
         raise ValueError(f"{what} {numbers[0]} (of {numbers.size} such) {fault}")
 
 
 def _is_listed(key: Columns, listed: Columns) -> NDArray[np.bool_]:
-    """Return which keys, none below 0, are among the listed ones, which ascend."""
+    """Return which keys, all >= 0, are among the listed ones, which ascend."""
     return np.append(listed, -1)[np.searchsorted(listed, key)] == key
 
 
-# ----------------------------------------------------------------------------- trees
+# -------------------------------------------------------------------------------- trees
 
 
 def _require_nodes(tree: Any, n: int) -> None:
-    """Check nodes and leaves, each by itself."""
+    """Check each node and each leaf by itself."""
     nodes = len(tree.child)
     lengths = {len(rows) for rows in (tree[0], tree.first, tree.end)}
     _require(lengths == {nodes}, "the arrays of nodes differ in length")
@@ -96,7 +96,7 @@ def _listed(tree: Any) -> tuple[Columns, Columns]:
 
 
 def _require_held_by_boxes(tree: BoxTree, extents: Extents) -> None:
-    """Check that boxes hold all that is below them, and that leaves hold each primitive."""
+    """Check that boxes enclose all below them, and that leaves hold each primitive."""
     pad, (leaf, k) = extents.pad, _listed(tree)
     lost = np.setdiff1d(np.arange(extents.lower.shape[1]), k)
     _require_none("primitive", lost, "is in no leaf")
@@ -119,7 +119,7 @@ def _require_planes(tree: CellTree) -> None:
     inner = np.flatnonzero(tree.child)
     length = np.linalg.norm(tree.plane[inner, :3].astype(np.float64), axis=1)
     _require_none("node", inner[~(np.abs(length - 1.0) < 1e-6)], "has no unit normal")
-    # what the bound on the rounding of distances rests on
+    # the bound on the rounding of distances depends on this
     far = ~(np.abs(tree.plane[inner, 3]) <= 1.001 * tree.reach)
     _require_none("node", inner[far], "has its plane out of reach")
 
@@ -154,7 +154,7 @@ def _require_held_by_leaves(tree: CellTree, extents: Extents) -> None:
 def _spans(
     extents: Extents, columns: Columns, planes: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the range of normal . p over the places p of a primitive, for each pair."""
+    """Return the range of normal . p over the points p of a primitive, for each pair."""
     found = np.empty((2, len(columns)))
     grown = PROVEN * extents.pad
     for at in range(0, len(columns), _CHUNK):
@@ -170,20 +170,20 @@ def _spans(
     return found[0], found[1]
 
 
-# ----------------------------------------------------------------------------- grids
+# -------------------------------------------------------------------------------- grids
 
 
 class _Parts(NamedTuple):
-    """Parts of primitives that must be found, each through one grid."""
+    """Parts of primitives that rays must find, each in one grid."""
 
     grid: Columns  # (k,)
     primitive: Columns  # (k,)
-    low: NDArray[np.float64]  # (3, k) where it may be
-    high: NDArray[np.float64]  # (3, k)
+    low: NDArray[np.float64]  # (3, k) lower corner of its box
+    high: NDArray[np.float64]  # (3, k) upper corner
 
 
 def _require_cells(grids: Grids, n: int) -> None:
-    """Check that grids nest, and that cells and items follow each other without gaps."""
+    """Check that grids nest, and that cells and items are in sequence without gaps."""
     wrong = ~((grids.size > 0) & np.isfinite(grids.size)).all(axis=1)
     wrong |= (grids.resolution < 1).any(axis=1) | ~np.isfinite(grids.lower).all(axis=1)
     _require_none("grid", np.flatnonzero(wrong), "has no cells")
@@ -229,7 +229,7 @@ def _outer_grids(grids: Grids, n: int) -> Columns:
 
 
 def _leads(grids: Grids, n: int) -> Columns:
-    """Return all pairs (grid, primitive it leads to) as grid * n + primitive, ascending."""
+    """Return all pairs (grid, primitive below it) as grid * n + primitive, ascending."""
     outer, held = _outer_grids(grids, n), grids.items < n
     grid, primitive = _holders(grids)[held], grids.items[held].astype(np.int64)
     pairs = []
@@ -241,7 +241,7 @@ def _leads(grids: Grids, n: int) -> Columns:
 
 
 def _require_held_by_cells(grids: Grids, extents: Extents) -> None:
-    """Check that each cell lists what reaches into it, or leaves it to a finer grid."""
+    """Check that each cell lists the primitives in it, or a finer grid that holds them."""
     n, pad = extents.lower.shape[1], extents.pad
     total, leads = n + len(grids.first), _leads(grids, n)
     cell_of = np.repeat(np.arange(len(grids.start) - 1), np.diff(grids.start))
@@ -254,7 +254,7 @@ def _require_held_by_cells(grids: Grids, extents: Extents) -> None:
         k, cell, low, high = _cells_met(grids, parts, _ASTRAY * pad)
         missing = ~_is_listed(cell * total + parts.primitive[k], listed)
         k, cell, low, high = (rows[..., missing] for rows in (k, cell, low, high))
-        # the grids in each such cell that lead to the primitive
+        # the grids in each such cell that contain the primitive
         begin, end = (
             np.searchsorted(cells_of_grids, cell, side) for side in ("left", "right")
         )

@@ -1,4 +1,4 @@
-"""How bounding volumes are fitted to points: balls, boxes, slabs, polytopes."""
+"""Fits of bounding volumes to points: balls, boxes, slabs, polytopes."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from renderer.textbook.box_axes import GrownPoints, box_axes
 # ------------------------------------------------------------------------ smallest ball
 # The smallest ball that encloses balls [Gaertner1999] [Fischer2003].
 #
-# At most four balls touch the smallest one and determine it. Start with two that lie far
-# apart, as Ritter does [Ritter1990]; while some ball sticks out, add the one that does so
-# most and solve the small problem of at most five by trying every subset. The radius
-# grows in each round, so no set of four comes twice and it ends; it takes 5 to 15 rounds,
-# each one pass over the balls. (Welzl's recursion is right for points only, not for
+# At most four balls touch the smallest one and determine it. Start with two that are far
+# apart, as Ritter does [Ritter1990]. While a ball is not enclosed, add the one that sticks
+# out most, and solve the problem of at most five balls by trying every subset. The radius
+# grows in each round, so no set of four occurs twice and the loop ends. It takes 5 to 15
+# rounds, each one pass over the balls. (Welzl's recursion is right for points only, not for
 # balls.)
 
-MOST_ROUNDS = 200  # far above what was seen (15); what is found by then is enclosed too
-# What rounding in double precision may do to a radius, as a share of the size.
+MOST_ROUNDS = 200  # far above the 15 seen; fits compute their radius from the centre
+# Bound of rounding errors of a radius in double precision, relative to the size.
 TOLERANCE = 1e-12
 
 
@@ -44,14 +44,14 @@ def smallest_ball(
         if reach <= radius + TOLERANCE * size:
             break
         found = _smallest_of_few(balls, [*members, outside], size)
-        if found[1] <= radius:  # rounding: there is nothing to be gained any more
+        if found[1] <= radius:  # only rounding is left to gain
             break
         center, radius, members = found
     return center + middle
 
 
 def _farthest(balls: NDArray[np.float64], center: NDArray[np.float64]) -> tuple[int, float]:
-    """Return the ball that reaches farthest from a point, and how far."""
+    """Return the ball whose far side is farthest from a point, and that distance."""
     reach = np.linalg.norm(balls[:3] - center[:, None], axis=0) + balls[3]
     index = int(reach.argmax())
     return index, float(reach[index])
@@ -60,8 +60,8 @@ def _farthest(balls: NDArray[np.float64], center: NDArray[np.float64]) -> tuple[
 def _smallest_of_few(balls: Any, members: list[int], size: float) -> Any:
     """Return (centre, radius, members that touch it) of the smallest ball around a few.
 
-    It touches some subset from inside, with its centre in the subset's affine hull; of all
-    such balls that enclose the rest it is the smallest.
+    Some subset touches it from inside, and its centre is in the subset's affine hull. Of
+    all such balls that enclose the rest it is the smallest.
     """
     few = balls[:, members]
     best: Any = (few[:3].mean(axis=1), np.inf, members)
@@ -82,7 +82,7 @@ def _touching(balls: Any) -> list[tuple[Any, float]]:
 
         q_i . x = (|q_i|^2 + r_0^2 - r_i^2) / 2 + R (r_i - r_0),
 
-    so x = u + R v; put into the first it leaves a quadratic equation for R.
+    so x = u + R v. Inserted into the first equation that gives a quadratic equation for R.
     """
     p, r = balls[:3, 0], balls[3]
     if len(r) == 1:
@@ -98,10 +98,10 @@ def _touching(balls: Any) -> list[tuple[Any, float]]:
 
 
 # ----------------------------------------------------------------------------- polytope
-# The surface area of an intersection of slabs: each face cut out of its plane.
+# The surface area of an intersection of slabs: each face is cut out of its plane.
 #
 # A large square in the plane is clipped by all other half-spaces [Sutherland1974]. That
-# needs no vertex enumeration and stands degenerate volumes: flat, a line, a point.
+# needs no vertex enumeration and works for degenerate volumes: flat, a line, a point.
 
 Polygon = NDArray[np.float64]  # (m, 3)
 
@@ -114,12 +114,12 @@ def polytope_area(
     Parameters
     ----------
     normals
-        (s, 3), of any length; the first three are across each other: they bound it.
+        (s, 3), of any length; the first three are orthogonal to each other and bound it.
     lower, upper
         (s,), lower <= upper.
     """
     low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
-    # around the middle of the box, so that far volumes do not cost digits
+    # relative to the middle of the box, so that distant volumes lose no digits
     middle = np.linalg.solve(normals[:3], (low[:3] + high[:3]) / 2.0)
     shift = normals @ middle
     size = 2.0 * float(np.linalg.norm(high[:3] - low[:3]))
@@ -135,7 +135,7 @@ def _face_area(
     slabs = len(planes) // 2
     polygon = _square(planes[face], offsets[face], size)
     for other in range(len(planes)):
-        if other % slabs == face % slabs:  # itself, and the other side of its slab
+        if other % slabs == face % slabs:  # itself, or the other side of its slab
             continue
         polygon = _clipped(polygon, planes[other], offsets[other])
         if len(polygon) < 3:
@@ -145,7 +145,7 @@ def _face_area(
 
 
 def _square(normal: NDArray[np.float64], offset: float, size: float) -> Polygon:
-    """Return a square in the plane normal . x = offset that holds all of the volume."""
+    """Return a square in the plane normal . x = offset that contains the whole face."""
     n = normal / np.linalg.norm(normal)
     u = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     u /= np.linalg.norm(u)
@@ -168,20 +168,20 @@ def _clipped(polygon: Polygon, normal: NDArray[np.float64], offset: float) -> Po
 
 
 # -------------------------------------------------------------------------- volume fits
-# Bounding volumes fitted to points: as small as can be, and nothing sticks out.
+# Bounding volumes fitted to points: small, and enclosing all points.
 #
 # Points are grown by radii, so that their hull covers every kind of primitive. Fitting is
-# done in double precision and stored in single, rounded away from the points.
+# done in double precision; the result is stored in single, rounded away from the points.
 #
-# How good a volume is, is the share of random rays that meet it. By Cauchy's formula a
-# convex body's projected area, in the mean over all directions, is a quarter of its
-# surface area. So of the lines that meet a convex body, those that also meet a convex
-# body within it are the ratio of the two surface areas, which is computed here exactly.
+# The quality of a volume is the fraction of random rays that hit it. By Cauchy's formula
+# the mean projected area of a convex body is a quarter of its surface area. So of the lines
+# that hit a convex body, the fraction that hits a convex body inside it is the ratio of the
+# two surface areas, which is computed here exactly.
 
-# Normals of the slabs of a k-DOP: k directions are k / 2 slabs. 6: the axes, a box. 10: and
+# Normals of the slabs of a k-DOP; k directions are k / 2 slabs. 6: the axes, a box. 10: and
 # two diagonals of the faces across one axis, a box with four bevelled edges. 14: the axes
-# and the four diagonals of a cube, a box with bevelled corners, as Kay and Kajiya took
-# them. Whole numbers, not unit vectors: products with them are exact.
+# and the four diagonals of a cube, a box with bevelled corners, as used by Kay and Kajiya.
+# Integers, not unit vectors: products with them are exact.
 _AXES = np.eye(3)
 _CORNERS = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 _BEVELS = (  # edges along x, y, z
@@ -197,15 +197,15 @@ ORIENTATIONS = {
 
 
 class Volume(NamedTuple):
-    """What one kind of volume can do, outside of kernels."""
+    """The operations of one kind of volume outside of kernels."""
 
     fit: Callable[..., Any]  # (points (3, n), radius (n,) or a number) -> record
-    area: Callable[[Any], float]  # surface of a record; a flat volume has two sides
+    area: Callable[[Any], float]  # surface area of a record; a flat volume has two sides
     contains: Callable[..., NDArray[np.bool_]]  # (record, points, radius) -> (n,)
 
 
 def grown_points(points: ArrayLike, radius: ArrayLike = 0.0) -> GrownPoints:
-    """Check and convert what a volume is to be fitted to.
+    """Check and convert the points to which a volume is fitted.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def grown_points(points: ArrayLike, radius: ArrayLike = 0.0) -> GrownPoints:
     Raises
     ------
     ValueError
-        If that is not so.
+        Otherwise.
     """
     center = np.asarray(points, np.float64)
     if center.ndim != 2 or center.shape[0] != 3 or center.shape[1] == 0:
@@ -248,14 +248,14 @@ def rounded_down(values: ArrayLike) -> Any:
     return -rounded_up(-np.asarray(values, np.float64))
 
 
-# ---------------------------------------------------------------------------- the fits
+# -------------------------------------------------------------------------------- fits
 
 
 def fit_sphere(points: ArrayLike, radius: ArrayLike = 0.0) -> BoundingSphere:
     """Return the smallest sphere around points (3, n) grown by radii (n,).
 
-    The radius grows by what rounding the centre to single precision costs, and by the pad,
-    about 10^-5 of the coordinates.
+    The radius is enlarged for the rounding of the centre to single precision, and by the
+    pad, about 10^-5 of the coordinates.
     """
     grown = grown_points(points, radius)
     center = smallest_ball(grown.center, grown.radius).astype(np.float32)
@@ -276,9 +276,9 @@ def fit_aabb(points: ArrayLike, radius: ArrayLike = 0.0) -> Aabb:
 def fit_obb(points: ArrayLike, radius: ArrayLike = 0.0) -> Slabs:
     """Return a small oriented box around grown points, as three slabs.
 
-    Never larger than the axis-aligned one, but for rounding; not always the smallest there
-    is. The axes are rounded first and the slabs measured with the rounded ones, so that
-    rounding lets no point out.
+    Except for rounding it is never larger than the axis-aligned box, but not always the
+    smallest. The axes are rounded first and the slabs measured along the rounded axes, so
+    rounding excludes no point.
     """
     grown = grown_points(points, radius)
     return _slabs(grown, box_axes(grown).astype(np.float32).astype(np.float64))
@@ -287,13 +287,13 @@ def fit_obb(points: ArrayLike, radius: ArrayLike = 0.0) -> Slabs:
 def fit_k_dop(points: ArrayLike, radius: ArrayLike = 0.0, directions: int = 14) -> Slabs:
     """Return the slabs of fixed orientations around grown points.
 
-    Every plane touches a point, up to rounding. With 10 directions, of the three axes that
-    edges can be bevelled along the one that gives the least area is taken.
+    Every plane touches a point, up to rounding. With 10 directions, edges are bevelled on
+    the axis that gives the least area.
 
     Raises
     ------
     ValueError
-        If `directions` is not 6, 10 or 14, or of `grown_points`.
+        If `directions` is not 6, 10 or 14, or from `grown_points`.
     """
     if directions not in ORIENTATIONS:
         known = ", ".join(map(str, ORIENTATIONS))
@@ -304,7 +304,7 @@ def fit_k_dop(points: ArrayLike, radius: ArrayLike = 0.0, directions: int = 14) 
 
 
 def _slabs(points: GrownPoints, normals: NDArray[np.float64]) -> Slabs:
-    """Return slabs (s, 3) that hold all points and their pads."""
+    """Return slabs (s, 3) that enclose all points and their pads."""
     low, high = _ranges(normals, points.center, points.radius)
     spread = np.abs(normals).sum(axis=1)
     return Slabs(
@@ -323,7 +323,7 @@ def _ranges(normals: NDArray[np.float64], points: ArrayLike, radius: ArrayLike) 
     return along - grown, along + grown
 
 
-# ----------------------------------------------------------------- areas and contents
+# ----------------------------------------------------------------- areas and containment
 
 
 def _area_of_sphere(sphere: BoundingSphere) -> float:

@@ -1,8 +1,8 @@
 """Bounding volume hierarchy: a binary tree of boxes, built by the surface area heuristic.
 
-Coherent rays go as packets of 16 through the tree together, each box and each primitive
-tested for all 16 at once. Incoherent rays go one by one, each leaf's primitives 16 at
-once. A hit does not end the traversal: another box may hold a nearer one.
+Coherent rays traverse the tree as packets of 16; each box and each primitive is tested
+against all 16 at once. Incoherent rays traverse it one by one; a leaf's primitives are
+tested 16 at once. A hit does not end the traversal: another box may hold a nearer one.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from renderer.kernels.records.batch import (
 )
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
-STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
+STACK = 64  # a leaf is at most `MAX_DEPTH` = 60 edges deep
 _INFINITY = np.float32(np.inf)
 
 
@@ -50,7 +50,7 @@ class Bvh(NamedTuple):
 
 
 def build_bvh(extents: Extents, group: PrimitiveGroup, rule: str = "sah") -> Bvh:
-    """Build by one of `bvh_build.RULES`."""
+    """Build by the split rule `rule`, one of `bvh_build.RULES`."""
     tree = build_tree(extents.lower, extents.upper, rule=rule)
     return Bvh(tree.bounds, tree.child, tree.count, group(tree.order))
 
@@ -68,7 +68,7 @@ def _second_child_first(bounds, child, direction):
 @traverse_coherent.by(Bvh)
 @kernel
 def trace_bvh_packets(bvh, query, first, count, tally):
-    """Answer a query for rays first to first + count - 1, 16 at a time."""
+    """Answer a query for rays first to first + count - 1, in packets of 16."""
     bounds, primitives, any_hit = bvh.bounds, bvh.primitives, query.any_hit
     stack = local_i32(STACK)
     for i in range(first, first + count, 16):
@@ -118,10 +118,10 @@ def trace_bvh_packets(bvh, query, first, count, tally):
 
 @kernel
 def trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i):
-    """Return the nearest hit of one ray, or the first one found if any hit will do.
+    """Return the nearest hit of one ray, or with `any_hit` the first one found.
 
-    The children of a node are put in order for a nearest hit only: in order, shadow rays
-    take 1.18 times as long (smooth-mesh, random rays).
+    Children are sorted for a nearest hit only. Sorting makes shadow rays take 1.18 times
+    as long (smooth-mesh, random rays).
     """
     bounds, primitives = bvh.bounds, bvh.primitives
     inverse = np.float32(1.0) / direction

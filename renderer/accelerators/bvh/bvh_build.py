@@ -1,20 +1,20 @@
-"""Building a binary tree of boxes, by one of three rules.
+"""Build a binary tree of boxes by one of three split rules.
 
-By the surface area heuristic, in 16 bins [Wald2007]: a ray that meets a box meets a convex
-part of it with a probability of the ratio of their surface areas. So splitting a node P
-into L and R is expected to cost
+`sah`, the surface area heuristic in 16 bins [Wald2007]: a ray that hits a box hits a
+convex part of it with a probability of the ratio of their surface areas. So splitting a
+node P into L and R is expected to cost
 
     C = C_trav + A_L/A_P C_leaf(n_L) + A_R/A_P C_leaf(n_R)
 
-and the split with the least C is taken. Candidates are the borders between 16 equal
-bins that the box centres of a node fall into, along all three axes. A leaf is tested
-`BLOCK` primitives at a time, so its cost grows in steps.
+The split with the least C is taken. Candidates are the borders between 16 equal bins of
+the box centres, along all three axes. A leaf is tested `BLOCK` primitives at a time, so
+its cost grows in steps.
 
-At the median: half of the primitives go to each side. In the middle: of the longest side
-of the box of the centres.
+`median`: half of the primitives go to each side. `middle`: split the longest side of the
+centres' box in the middle.
 
-Parts of more than `JOB` primitives are split one by one and the rest is built on all cores,
-without recursion; the tree is the same for any number of threads.
+Parts of more than `JOB` primitives are split one by one; the rest is built on all cores,
+without recursion. The tree does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from renderer.process.worker_pool import default_threads, in_parts, in_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
-JOB = 16384  # primitives that one thread builds over alone
+JOB = 16384  # largest part that one thread builds alone
 RULES = ("sah", "median", "middle")  # in the order of SAH, MEDIAN, MIDDLE
 
 
@@ -44,15 +44,14 @@ def build_tree(
     ----------
     lower, upper : array_like of float32, shape (3, n)
         Opposite corners of the primitives' boxes, n >= 1, all finite.
-    leaf_size : int
-        Most primitives of a leaf.
+        Largest number of primitives in a leaf.
     rule : str
         One of `RULES`.
 
     Raises
     ------
     ValueError
-        If the arrays do not have the same shape (3, n), or there is nothing to build.
+        If the arrays do not have the same shape (3, n), or n is 0.
     """
     low = np.ascontiguousarray(lower, np.float32)
     high = np.ascontiguousarray(upper, np.float32)
@@ -81,18 +80,18 @@ def _put_side_by_side(begin, end, low, high, boxes):
             boxes[k, axis], boxes[k, axis + 4] = low[axis, k], -high[axis, k]
 
 
-# --------------------------------------------------------------------------- on all cores
+# ----------------------------------------------------------------------- parallel build
 
 
 def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
-    """Split what is large, build the rest in jobs, and put all nodes together."""
+    """Split the large parts, build the rest in parallel, and assemble all nodes."""
     n = len(order)
-    job = max(JOB, settings[0])  # a leaf is not split
+    job = max(JOB, settings[0])  # a part that fits a leaf is not split
     if n <= job:
         return _build(boxes, order, 0, n, 0, *settings)
-    children: dict[int, tuple[Any, int, int]] = {}  # part -> box, left and right part
+    children: dict[int, tuple[Any, int, int]] = {}  # part -> its box, left part, right part
     subtrees: dict[int, Any] = {}
-    parts = [(0, n, 0)]  # first, end, depth; the root is part 0
+    parts = [(0, n, 0)]  # first, end, depth of each; the root is part 0
     small: list[int] = []
     large, found = [0], {}
 
@@ -100,7 +99,7 @@ def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
         first, end, depth = parts[large[k]]
         found[large[k]] = _split_once(boxes, order, first, end, depth, *settings)
 
-    while large:  # level by level
+    while large:  # breadth-first
         in_threads(default_threads(), len(large), split_part)
         halves = []
         for part in large:
@@ -122,8 +121,8 @@ def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
 
 
 def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any]) -> Any:
-    """Put the nodes that were split one by one first, then subtree after subtree."""
-    top: list[tuple[int, int]] = [(0, 0)]  # part, its node
+    """Put the nodes of the large parts first, then subtree after subtree."""
+    top: list[tuple[int, int]] = [(0, 0)]  # part and its node
     leaves: list[tuple[int, int]] = []
     nodes = 1
     head_bounds: list[Any] = [None]
@@ -146,7 +145,7 @@ def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any
     count: list[Any] = []
     for part, node in leaves:
         b, c, k = subtrees[part]
-        # the subtree's root goes to its place above, the others follow
+        # the subtree's root takes its place in `top`, the other nodes follow
         shifted = np.where(k == 0, c + (nodes - 1), c)
         head_bounds[node], head_child[node], head_count[node] = b[0], shifted[0], k[0]
         bounds.append(b[1:])
@@ -164,14 +163,14 @@ def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any
 
 
 class _Scratch(NamedTuple):
-    """What one job works in. Allocated here: compiling it in a kernel takes seconds."""
+    """Scratch arrays of one job, made in Python: compiling the allocation takes seconds."""
 
-    centres: NDArray[np.float32]  # (6,) box of the centres
-    bins: NDArray[np.float32]  # (3 BINS, 8) the box of each, as in `bvh_split`
+    centres: NDArray[np.float32]  # (6,) box of the box centres
+    bins: NDArray[np.float32]  # (3 BINS, 8) box of each bin, as in `bvh_split`
     counts: NDArray[np.int32]  # (3 BINS,)
     right_cost: NDArray[np.float64]  # (BINS,)
     constants: NDArray[np.float32]  # (2, 8) a row of -0.0 and one of infinity
-    stack: NDArray[np.int64]  # (levels, 4) one waiting node each: node, first, end, depth
+    stack: NDArray[np.int64]  # (levels, 4) per waiting node: node, first, end, depth
 
 
 def _scratch() -> _Scratch:
@@ -186,7 +185,7 @@ def _scratch() -> _Scratch:
 
 
 def _split_once(boxes: Any, order: Any, first: int, *rest: int) -> Any:
-    """Split primitives first .. end - 1; return their box and where the right is."""
+    """Split primitives first .. end - 1; return their box and the right part's begin."""
     box = np.empty(6, np.float32)
     return box, _split_node(boxes, order, first, *rest, box, _scratch())
 
@@ -198,7 +197,7 @@ def _split_node(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
 
 
 def _build(boxes: Any, order: Any, start: int, stop: int, *rest: int) -> Any:
-    """Build over primitives start .. stop - 1; permutes `boxes` and `order` alike.
+    """Build over primitives start .. stop - 1; permutes `boxes` and `order`.
 
     Returns bounds, child and count; node 0 is the root.
     """

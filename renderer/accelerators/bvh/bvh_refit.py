@@ -1,9 +1,9 @@
-"""Refitting a bounding volume hierarchy to primitives that have moved.
+"""Refit a bounding volume hierarchy to moved primitives.
 
-The tree stays, its boxes are made anew from the leaves up: one pass, where a build sorts.
-Hits stay right whatever moves [Wald2007a]; but which primitives share a node is decided
-once. Boxes grow and overlap as neighbours part, until a build costs less than what rays
-lose.
+The tree is kept and its boxes are recomputed bottom-up: one pass, where a build sorts.
+Hits stay right for any motion [Wald2007a], but the grouping of primitives is that of the
+first build. As neighbours part, boxes grow and overlap, until a rebuild costs less than
+the slower rays.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ def refit_bvh(bvh: Bvh, extents: Extents, group: PrimitiveGroup, first: int = 0)
     bvh : Bvh
         A tree over all primitives of one kind.
     extents : Extents
-        Where they are now.
+        Their boxes now.
     group : PrimitiveGroup
-        Gathers them, as they are now, in a given order.
+        Makes the group of the moved primitives in a given order.
     first : int
-        Id of the first of them; the records of surfaces hold it.
+        Primitive id of column 0.
 
     Raises
     ------
     ValueError
-        If the tree is not over as many primitives, numbered from `first` on.
+        If the tree does not hold that number of primitives with ids from `first` on.
     """
     order = leaf_order(bvh, first)
     n = extents.lower.shape[1]
@@ -49,7 +49,7 @@ def refit_bvh(bvh: Bvh, extents: Extents, group: PrimitiveGroup, first: int = 0)
 
 
 def leaf_order(bvh: Bvh, first: int = 0) -> NDArray[np.int64]:
-    """Return which primitives the leaves hold, leaf by leaf, as column numbers (n,)."""
+    """Return the column numbers (n,) of the primitives in leaf order."""
     ids = bvh.primitives.id[: bvh.primitives.count]
     return ids.astype(np.int64) - first
 
@@ -65,7 +65,7 @@ def refit_bounds(
 
 @entry_kernel
 def _refit(child, count, order, lower, upper, bounds):
-    """Write all boxes. Children come after their parents, so backwards they come first."""
+    """Write all boxes. Children have larger indices than parents, so go backwards."""
     for node in range(len(child) - 1, -1, -1):
         first = child[node]
         if count[node] == 0:

@@ -1,8 +1,8 @@
-"""Where to split a node: the three rules of `bvh_build`, as kernels on an array of boxes.
+"""Split one node: the three rules of `bvh_build`, as kernels on an array of boxes.
 
-`boxes` is (n, 8): of each primitive the lower corner, a zero, the upper corner times -1, a
-zero, so that the box of two boxes is one minimum of 8 lanes. A split permutes its rows and
-`order` alike.
+A row of `boxes` (n, 8) is a primitive's lower corner, 0, its upper corner times -1, 0. So
+the union of two boxes is one minimum of 8 lanes. A split permutes the rows of `boxes` and
+the entries of `order` together.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _INF = np.float32(np.inf)
 
 @kernel
 def split(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
-    """Bring the left part to the front; return where the right one begins.
+    """Partition a node; return where its right part begins.
 
-    `first` is returned for what shall be a leaf.
+    Returns `first` if the node is to be a leaf.
     """
     centres = scratch.centres
     size = end - first
     if size <= leaf_size and (rule != SAH or BLOCK_COST * _blocks(size) <= TRAVERSAL_COST):
-        return first  # a split costs more than a visit of an inner node
+        return first  # a leaf is cheaper than the split
     middle = first
     if size > 1 and rule != MEDIAN and _levels_for(size) + depth < MAX_DEPTH:
         if rule == SAH:
@@ -51,7 +51,7 @@ def split(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
         if worth:
             middle = _partition(boxes, order, first, end, centres, axis, border)
     if (middle == first or middle == end) and size > leaf_size:
-        # no border separates the centres, or the tree grows too deep
+        # no border separates the centres, or the tree would become too deep
         middle = first + size // 2
         split_at_median(boxes, order, first, end, middle, centres)
     return first if middle == end else middle
@@ -59,7 +59,7 @@ def split(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
 
 @kernel
 def _levels_for(size):
-    """Return the levels that halving needs to reach single primitives."""
+    """Return the levels that median splits need to reach single primitives."""
     levels = 0
     while (1 << levels) < size:
         levels += 1
@@ -68,27 +68,27 @@ def _levels_for(size):
 
 @kernel
 def _blocks(size):
-    """Return how many blocks a leaf of `size` primitives fills."""
+    """Return the number of blocks in a leaf of `size` primitives."""
     return (size + BLOCK - 1) // BLOCK
 
 
 @kernel
 def _centre(boxes, i, axis):
-    """Return the middle of a box; halved first, so that it cannot overflow."""
+    """Return the centre of a box along an axis; halving first cannot overflow."""
     low, high = load_one(boxes, i, axis), -load_one(boxes, i, axis + 4)
     return np.float32(0.5) * low + np.float32(0.5) * high
 
 
 @kernel
 def _centres(boxes, i):
-    """Return the middle along each axis, and a zero."""
+    """Return the centre along each axis, and a zero."""
     half = np.float32(0.5)
     return load_four(boxes, i, 0) * half - load_four(boxes, i, 4) * half
 
 
 @kernel
 def enclose(boxes, first, end, bounds, centres):
-    """Write the box of the boxes, lower and upper corner, and of their centres."""
+    """Write the union of the boxes (lower, upper corner) and the box of their centres."""
     box = load_eight(boxes, first, 0)
     centre_low = centre_high = _centres(boxes, first)
     for i in range(first + 1, end):
@@ -102,32 +102,32 @@ def enclose(boxes, first, end, bounds, centres):
         centres[axis + 3] = lane(centre_high, axis)
 
 
-# ---------------------------------------------------------------------------- the binning
+# ------------------------------------------------------------------------------- binning
 
 
 @kernel
 def _bins_per_length(centres, axis):
-    """Return the scale from a distance along an axis to bins; 0 without extent."""
+    """Return the bins per length along an axis; 0 if the centres have no extent."""
     extent = np.float64(centres[axis + 3]) - np.float64(centres[axis])
     return BINS / extent if extent > 0.0 else 0.0
 
 
 @kernel
 def _bin(centre, start, scale):
-    """Return the bin of a centre. In float64, which the largest floats cannot overflow."""
+    """Return the bin of a centre. In float64, so that large floats do not overflow."""
     return min(int((np.float64(centre) - np.float64(start)) * scale), BINS - 1)
 
 
 @kernel
 def _fill_bins(boxes, first, end, scratch):
-    """Count and enclose the boxes of each bin along each axis."""
+    """Count the boxes of each bin along each axis, and find their unions."""
     centres, bins, counts = scratch.centres, scratch.bins, scratch.counts
     start, scale = local_f64(4), local_f64(4)
     for axis in range(3):
         start[axis], scale[axis] = centres[axis], _bins_per_length(centres, axis)
     starts, scales = load_four(start, 0, 0), load_four(scale, 0, 0)
-    # LLVM would make a store under a mask of a minimum that is stored where it was loaded,
-    # for which the next load waits: a quarter of the time of this loop
+    # Written so that LLVM makes no masked store of a minimum to where it was loaded: the
+    # next load would wait for it, a quarter of the time of this loop.
     nothing = load_eight(scratch.constants, 0, 0)
     for k in range(3 * BINS):
         store_row(bins, k, 0, load_eight(scratch.constants, 1, 0))
@@ -143,7 +143,7 @@ def _fill_bins(boxes, first, end, scratch):
 
 @kernel
 def _half_area(box):
-    """Return half the surface of a box in lanes, as `half_area` does."""
+    """Return half the surface area of a box of 8 lanes, as `half_area` does."""
     a = -np.float64(lane(box, 4)) - np.float64(lane(box, 0))
     b = -np.float64(lane(box, 5)) - np.float64(lane(box, 1))
     c = -np.float64(lane(box, 6)) - np.float64(lane(box, 2))
@@ -154,9 +154,9 @@ def _half_area(box):
 def _cheapest_split(bounds, scratch):
     """Return (cost, axis, border): bins below the border go left.
 
-    Of equal costs the more balanced split is taken, or else points on a line, whose boxes
-    have no area, would be split off bin by bin. The cost is infinite where all centres
-    fall into one bin.
+    Of equal costs the more balanced split wins. Otherwise points on a line, whose boxes
+    have no area, would be split off bin by bin. The cost is infinite if all centres are in
+    one bin.
     """
     bins, counts, right_cost = scratch.bins, scratch.counts, scratch.right_cost
     empty = load_eight(scratch.constants, 1, 0)
@@ -179,7 +179,7 @@ def _cheapest_split(bounds, scratch):
         for border in range(1, BINS):
             k = row + border - 1
             if counts[k] == 0:
-                continue  # same split as at the last border
+                continue  # the bin is empty: same split as at the last border
             left += counts[k]
             if left == size:
                 break
@@ -193,12 +193,12 @@ def _cheapest_split(bounds, scratch):
     return best_cost, best_axis, best_border
 
 
-# ------------------------------------------------------------------------- the two halves
+# ----------------------------------------------------------------------------- partition
 
 
 @kernel
 def _exchange(boxes, order, i, j):
-    """Let two primitives change places."""
+    """Swap two primitives."""
     one, other = load_eight(boxes, i, 0), load_eight(boxes, j, 0)
     store_row(boxes, i, 0, other)
     store_row(boxes, j, 0, one)
@@ -209,7 +209,7 @@ def _exchange(boxes, order, i, j):
 def _partition(boxes, order, first, end, centres, axis, border):
     """Move the boxes in bins below the border to the front; return where the rest begins.
 
-    Nothing moves, and `first` is returned, for border 0 (no split found).
+    Border 0 means that no split was found: `first` is returned and nothing moves.
     """
     start = centres[axis]
     scale = _bins_per_length(centres, axis)
@@ -227,7 +227,7 @@ def _partition(boxes, order, first, end, centres, axis, border):
 
 @kernel
 def _longest(centres):
-    """Return the axis along which the centres lie farthest apart."""
+    """Return the axis along which the box of the centres is longest."""
     axis = 0
     for other in range(1, 3):
         longest = np.float64(centres[axis + 3]) - np.float64(centres[axis])
@@ -240,7 +240,7 @@ def _longest(centres):
 def split_at_median(boxes, order, first, end, middle, centres):
     """Move the smaller half of the centres on the longest axis below `middle`.
 
-    Hoare's quickselect; it stops at equal centres, so that coincident boxes are halved.
+    Hoare's quickselect. It stops at equal centres, so coincident boxes are halved.
     """
     axis = _longest(centres)
     low = first

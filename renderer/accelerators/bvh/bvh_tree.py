@@ -1,6 +1,6 @@
-"""The arrays of a binary tree of boxes, and what can be said of any such tree.
+"""The arrays of a binary tree of boxes, and properties of any such tree.
 
-`validate_bvh` says whether a traversal of a tree can miss anything, whatever built it.
+`validate_bvh` proves that a traversal cannot miss a primitive, however the tree was built.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-BLOCK = 8  # primitives that a leaf tests at once
+BLOCK = 8  # primitives that are tested at once in a leaf
 TRAVERSAL_COST = 1.0  # of visiting an inner node
 BLOCK_COST = 1.0  # of testing one block of primitives, on the same scale
 
@@ -38,9 +38,9 @@ def bvh_depth(tree: BvhTree) -> int:
 
 
 def bvh_cost(tree: BvhTree) -> float:
-    """Return the cost C that the heuristic expects of a ray which meets the root's box.
+    """Return the SAH cost C of a ray that hits the root's box.
 
-    Where the root has no area (points on a line), every box counts as met.
+    If the root has no area (points on a line), every box counts as hit.
     """
     extent = tree.bounds[:, 3:].astype(np.float64) - tree.bounds[:, :3]
     a, b, c = extent.T
@@ -52,7 +52,7 @@ def bvh_cost(tree: BvhTree) -> float:
 
 
 def validate_bvh(tree: BvhTree, lower: ArrayLike, upper: ArrayLike) -> None:
-    """Check that a tree is one, holds every primitive once, and encloses what it holds.
+    """Check that the arrays form a tree over all primitives, each in its leaf's box.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ def validate_bvh(tree: BvhTree, lower: ArrayLike, upper: ArrayLike) -> None:
     Raises
     ------
     ValueError
-        If not; the message says which node or primitive, and what is wrong with it.
+        Otherwise. The message names the node or primitive and the fault.
     """
     low, high = np.asarray(lower, np.float32).T, np.asarray(upper, np.float32).T
     _require_tree(tree)
     _require_partition(tree, len(low))
 
-    boxes = np.concatenate((low, -high), axis=1)[tree.order]  # both sides by minimum
+    boxes = np.concatenate((low, -high), axis=1)[tree.order]  # minima bound both corners
     bounds = tree.bounds * np.repeat(np.array([1, -1], np.float32), 3)
     leaves = np.flatnonzero(tree.count)
     leaves = leaves[np.argsort(tree.child[leaves])]
@@ -102,7 +102,7 @@ def _require_tree(tree: BvhTree) -> None:
 
 
 def _require_partition(tree: BvhTree, n: int) -> None:
-    """Check that the leaves share out all primitives."""
+    """Check that each primitive is in exactly one leaf."""
     if not np.array_equal(np.sort(tree.order), np.arange(n)):
         raise ValueError(f"BVH order is not a permutation of {n} primitives")
     leaves = np.flatnonzero(tree.count)

@@ -1,14 +1,13 @@
-"""Wide bounding volume hierarchy: eight children a node, eight primitives a leaf.
+"""Wide bounding volume hierarchy: eight children per node, eight primitives per leaf.
 
-Rays go through it in three ways, which all find the same hits:
+There are three traversals, which find the same hits:
 
-- camera rays, and shadow rays from what they meet in scenes whose lights have no extent, in
-  bundles of 16 through the binary tree that the wide one is made from; both share the
-  leaves (`ray_packets`), and the wide one tells where bundles begin (`beams`);
-- what comes after a bounce in streams: all rays of a batch that enter a node are tested
-  there (`ray_streams`);
-- batches of few rays, and the few rays of a stream that still go the same way, one by one
-  (`wide_rays`).
+- bundles of 16 rays, for camera rays and, if all lights are without extent, for the shadow
+  rays of camera hits. They use the binary tree that the wide one was made from; both trees
+  share the leaves (`ray_packets`). The wide tree gives their start nodes (`beams`);
+- streams, for rays after a bounce: all rays of a batch that enter a node are tested there
+  together (`ray_streams`);
+- single rays, for batches of few rays and for short lists of a stream (`wide_rays`).
 """
 
 from __future__ import annotations
@@ -26,33 +25,33 @@ from renderer.accelerators.rays.query import traverse, traverse_coherent
 from renderer.plugins.shapes.blocks import WIDTH, blocks_of
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
-# Fewer rays than this are no stream, or it takes up to 1.6 times as long as rays one by one
-# (8 rays). At 64 the stream is ahead by 1.06 (6320 triangles) and 1.11 (24,002), at 128 by
-# 1.27 and 1.58.
+# Fewer rays are traced one by one. As a stream they would take up to 1.6 times as long (8
+# rays). Streams are faster by 1.06 (6320 triangles) and 1.11 (24,002) at 64 rays, and by
+# 1.27 and 1.58 at 128.
 FEW = 64
-# In a tree of more primitives than this, rays one by one are ahead for longer, since eight
-# of them wait for memory at the same time: 327,680 triangles, 64 rays 0.83, 128 rays 0.95,
-# 256 rays 1.08.
+# In a tree of more primitives, single rays stay ahead for longer, since eight of them
+# overlap their memory latency. Speed-up of streams for 327,680 triangles: 64 rays 0.83, 128
+# rays 0.95, 256 rays 1.08.
 LARGE = 100_000
 FEW_IN_LARGE = 256
 
 
 class WideBvh(NamedTuple):
-    """Nodes, leaves, and the same leaves under a binary tree for bundles of rays."""
+    """The nodes and leaves of the wide tree, and a binary tree over the same leaves."""
 
     floats: NDArray[np.float32]  # (nodes * 32,) see `wide_bvh_build`
     integers: NDArray[np.int32]  # the same memory
     octets: NDArray[np.uint8]  # the same memory
-    order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
-    blocks: Any  # primitives, eight a leaf
-    few: int  # fewer rays go one by one
+    order: NDArray[np.int32]  # (nodes * 8,) order of the children, see `far_to_near`
+    blocks: Any  # primitives, eight per leaf
+    few: int  # fewer rays are traced one by one
     boxes: NDArray[np.float32]  # (blocks, 6 * 8) lower, then upper corners of primitives
-    pair_of: NDArray[np.int32]  # (nodes * 8,) of each child, its node in `pairs`
+    pair_of: NDArray[np.int32]  # (nodes * 8,) node in `pairs` of each child
     pairs: PairedBvh
 
 
 def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
-    """Build a binary tree by the surface area heuristic, and from it the wide one."""
+    """Build a binary tree by the surface area heuristic, and from it the wide tree."""
     tree = build_tree(extents.lower, extents.upper)
     leaves = np.flatnonzero(tree.count)
     leaves = leaves[np.argsort(tree.child[leaves])]
@@ -82,7 +81,7 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
 
 
 def _boxes_in_blocks(extents: Extents, columns: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Return the boxes of the primitives of each block; an empty place is met by no ray."""
+    """Return the boxes of each block's primitives; unused slots have inverted boxes."""
     found = np.full((len(columns) // WIDTH, 6, WIDTH), np.inf, np.float32)
     found[:, 3:] = -np.inf
     filled = np.flatnonzero(columns >= 0)

@@ -1,4 +1,4 @@
-"""Rays in the space of an instance, and the boxes that they enter."""
+"""Rays in the object space of an instance, and their box tests."""
 
 from __future__ import annotations
 
@@ -58,19 +58,19 @@ from renderer.kernels.lanes.memory import (
 from renderer.kernels.lanes.vectors import absolute, affine_at, times, vec3
 
 # ----------------------------------------------------------------------- instance boxes
-# Which rays of a list enter which of a node's children: 16 rays, or 8 boxes, at once.
+# Which rays of a list enter which children of a node: 16 rays, or 8 boxes, at once.
 #
-# Each ray has its own margin. Its direction may be of any octant: boxes are tested by
-# their middle and half their size, where the signs of a direction do not matter.
+# Each ray has its own margin, and directions may be of any octant. So boxes are tested by
+# their centre and half their size, where the signs of a direction do not matter.
 
-# Lists of no more rays than this are tested ray by ray, eight children or eight primitives
-# at a time; with AVX2 all are in leaves.
+# Lists of no more rays are tested ray by ray, eight children or eight primitives at a
+# time. With AVX2, all lists are at leaves.
 SHORT = 8
 
 
 @kernel
 def _write_planes(nodes, node, axis, planes):
-    """Write the middles of the children's boxes along an axis, and half their sizes."""
+    """Write the centres of the children's boxes along an axis, and half their sizes."""
     octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis
     word = node * WIDE_WORDS + axis
     half = np.float32(0.5) * load_one(nodes.floats, 0, word + SCALE)
@@ -83,13 +83,13 @@ def _write_planes(nodes, node, axis, planes):
 
 @kernel
 def _enter_children(stream, place, left, masks, size):
-    """Test the next 16 rays of a list, or as many as are left, against all children.
+    """Test the next 16 rays of a list, or the `left` remaining, against all children.
 
-    Where a ray passes the middle of a box, and half the box's size away from there. Its
-    rounding error is that of moving the box by 3 * 2^-23 (|b| + |o|); boxes and origins are
-    padded by five times that.
+    A slab is t to its centre, plus and minus half its size. The rounding error is that of
+    moving the box by 3 * 2^-23 (|b| + |o|). Boxes and origins are padded by five times
+    that.
 
-    Return how many of the rays go down the x, y and z axis.
+    Returns how many of the rays have negative x, y and z directions.
     """
     for_boxes, planes = stream.rays.for_boxes, stream.planes
     live = first_lanes(left)
@@ -123,11 +123,11 @@ def _enter_children(stream, place, left, masks, size):
 
 @kernel
 def _enter_ray_by_ray(stream, place, m, masks):
-    """Test the rays of a short list against eight children; return the first's octant."""
+    """Test a short list's rays against eight children; return the first ray's octant."""
     for_boxes, planes = stream.rays.for_boxes, stream.planes
     entered = lane_index_8() & 0
     octant = np.int64(0)
-    for j in range(m - 1, -1, -1):  # so that the first one's octant stays
+    for j in range(m - 1, -1, -1):  # backwards, so that the first ray's octant remains
         ray = np.int64(load_one(stream.lists, 0, place + j))
         enter = lower_half(splat_f32(0.0))
         leave = enter + load_one(for_boxes, T, ray)
@@ -138,7 +138,7 @@ def _enter_ray_by_ray(stream, place, m, masks):
             middle = middle - load_one(for_boxes, START + axis, ray)
             half = load_eight(planes, 0, 16 * axis + 8) + load_one(for_boxes, MARGIN, ray)
             half = half * fabs(inverse)
-            # what may not be a number comes first, so that the bound before it stays
+            # the operand that may be NaN comes first, so that the bound survives
             enter = maximum(middle - half, enter)
             leave = minimum((middle + half) * STRETCH, leave)
             octant |= np.int64(1 if inverse < 0.0 else 0) << axis
@@ -150,11 +150,11 @@ def _enter_ray_by_ray(stream, place, m, masks):
 
 @kernel
 def divide_by_middle(nodes, node, stream, place, m, depth):
-    """Find which rays enter which child; push the children, the nearest last.
+    """Find which rays enter which child; push the children, nearest last.
 
-    They come in the order that suits most rays of the list.
+    The order is by the majority of the rays' direction signs.
     """
-    always_inline()  # one call for each of two trees, and not a call in machine code
+    always_inline()  # one call site per tree, which need not be a call in machine code
     word = node * WIDE_WORDS + CHILD
     size = popcount(mask_bits(load_eight(nodes.integers, 0, word) != 0))
     for axis in range(3):
@@ -164,7 +164,7 @@ def divide_by_middle(nodes, node, stream, place, m, depth):
         octant = _enter_ray_by_ray(stream, place, m, masks)
     else:
         store_row(stream.entered, 0, 0, splat_i32(0))
-        x, y, z = np.int64(0), np.int64(0), np.int64(0)  # rays that go down the axes
+        x, y, z = np.int64(0), np.int64(0), np.int64(0)  # counts of negative directions
         for i in range(0, m, 16):
             a, b, c = _enter_children(stream, place + i, m - i, masks + i // 2, size)
             x, y, z = x + a, y + b, z + c
@@ -178,24 +178,24 @@ def _most(down, m):
 
 
 # ------------------------------------------------------------------------ instance rays
-# The rays of a list in the space of an instance, and what they met there.
+# The rays of a list in the object space of an instance, and their hits there.
 #
-# Two streams stand side by side: the rays in the world, and the guests of an instance,
-# which are the same rays as they are seen from there.
+# Two streams are used: the rays in the world, and the guests of an instance, which are the
+# same rays in object space.
 
 
 class World(NamedTuple):
-    """The tree over the instances, and the rays that are in one of them."""
+    """The tree over the instances, and the rays inside one of them."""
 
     instances: Any
-    guests: Stream  # with lists and stack of the world's stream; `number` counts from 0
-    found: Query  # of the guests; its arrays hold what they met in the instance
-    host: Any  # (ROW,) int32 of each guest: its place in the world's stream
+    guests: Stream  # share the world's lists and stack; `number` counts from 0
+    found: Query  # query of the guests; its arrays hold their hits in the instance
+    host: Any  # (ROW,) int32 index of each guest in the world's stream
 
 
 @kernel
 def enter_instance(world, k, stream, place, m, tally):
-    """Write the rays of a list as instance k sees them; return how many have not ended."""
+    """Transform a list's rays into instance k; return how many have not ended."""
     rays, guests, host = stream.rays, world.guests, world.host
     n = np.int64(0)
     for i in range(0, m, 16):
@@ -213,7 +213,7 @@ def enter_instance(world, k, stream, place, m, tally):
         t = gather_row(rays.for_boxes, T, ray, live)
         origin = times(matrix, vec3(ox, oy, oz) - matrix.at)
         write_rays(guests.rays, i, origin, times(matrix, vec3(dx, dy, dz)), t)
-        # none yet, so that equal hits in two instances both come back
+        # no hit yet, so that equal hits in two instances are both reported
         store_row(world.found.prim, 0, i, splat_i32(-1))
         if tally is not None:
             counted = gather_row(stream.counted, 0, ray, live)
@@ -223,9 +223,9 @@ def enter_instance(world, k, stream, place, m, tally):
 
 @kernel
 def leave_instance(world, query, k, rays, n):
-    """Keep what the n guests met in instance k where it is the nearest so far.
+    """Keep the n guests' hits in instance k that are the nearest so far.
 
-    Of equal t the smallest primitive id wins, then the smallest instance id.
+    At equal t the smallest primitive id wins, then the smallest instance id.
     """
     inside = world.found
     for i in range(0, n, 16):

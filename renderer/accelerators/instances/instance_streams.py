@@ -1,8 +1,7 @@
-"""Streams of rays through instances: a tree over the copies, one tree for each group.
+"""Streams of rays through instances: a tree over the instances, one tree per group.
 
-What the rays of a list meet in a leaf of a group: together, or ray by ray.
-
-The primitives of a leaf are of one kind, by its place in `plugins.shapes.registry`.
+In a leaf of a group, rays are tested 16 at once or one by one. The primitives of a leaf
+are of one kind, numbered as in `plugins.shapes.registry`.
 """
 
 from __future__ import annotations
@@ -51,19 +50,19 @@ from renderer.kernels.lanes.vectors import local_columns_f32, local_f32, local_i
 from renderer.kernels.records.batch import PRIMITIVES, add_to
 
 # words of a leaf of primitives
-FIRST = 0  # its first primitive
+FIRST = 0  # first primitive
 END = 1
-KIND = 2  # which of the kinds of primitives, by its place in the registry
-TOGETHER = 3  # leaves from this one on that are tested together, one of each kind
+KIND = 2  # kind of primitive, as numbered in the registry
+TOGETHER = 3  # end of the leaves tested together, one leaf per kind
 LEAF_WORDS = 4
 
 
 class Primitives(NamedTuple):
-    """The primitives of one kind in all groups, and those of the other kinds."""
+    """The primitives of one kind in all groups, linked to those of the other kinds."""
 
-    blocks: Any  # in blocks of eight, or None
-    singles: Any  # not in blocks, or None
-    others: Any  # `Primitives` of the next kind of the registry, or `NoMore`
+    blocks: Any  # the kind's blocks of eight, or None
+    singles: Any  # the kind's single primitives, or None
+    others: Any  # `Primitives` of the registry's next kind, or `NoMore`
 
 
 class NoMore(NamedTuple):
@@ -71,7 +70,7 @@ class NoMore(NamedTuple):
 
 
 def primitives_of(blocks: list[Any], singles: list[Any]) -> Any:
-    """Return the record of all kinds, which are given in the order of the registry."""
+    """Return the linked record of all kinds, given in the order of the registry."""
     found: Any = NoMore()
     for k in reversed(range(len(blocks))):
         found = Primitives(blocks[k], singles[k], found)
@@ -79,7 +78,7 @@ def primitives_of(blocks: list[Any], singles: list[Any]) -> Any:
 
 
 def of_kind(primitives: Any, kind: int) -> Any:
-    """Return the primitives of a kind, by its place in the registry."""
+    """Return the primitives of a kind, as numbered in the registry."""
     for _ in range(kind):
         primitives = primitives.others
     return primitives.singles if primitives.blocks is None else primitives.blocks
@@ -138,31 +137,30 @@ def _in_singles(primitives, first, end, query, rays, lists, place, m):
 
 
 # --------------------------------------------------------------------- instance streams
-# Streams through instances: all rays of a batch go down both levels of trees together.
+# Streams through instances: all rays of a batch traverse both levels of trees together.
 #
-# A leaf of the tree over the instances is an instance: the rays of the list are written
-# once more as they are seen from there, and that list goes down the group's own tree.
+# A leaf of the tree over instances is an instance. The list's rays are transformed into
+# its object space, and the new list traverses the group's own tree.
 #
-# The rays of one list go to all sides here. Which octant one belongs to changes from
-# instance to instance, and lists by octants would be short: of scenes/instances' bounce
-# rays 47 stay together at an instance by octants, 186 without (docs/performance.md,
-# "Streams").
+# Lists are not divided by octant. The octant of a ray changes from instance to instance,
+# and the lists would be short: of scenes/instances' bounce rays 47 stay together at an
+# instance by octants, 186 without (docs/performance.md, "Streams").
 
-# Levels of both trees; three more than one tree has, where a group's kinds are joined.
+# Levels of both trees, and three more where the trees of a group's kinds are joined.
 _LEVELS = 2 * (MAX_DEPTH + 4)
 _LISTS = _LEVELS * LEVEL
 _STACK = WAITING_WORDS * 8 * _LEVELS
 
 
 class Group(NamedTuple):
-    """The tree of a group, as the guests of an instance go down it."""
+    """The tree of a group, as traversed by the guests of an instance."""
 
     instances: Any
 
 
 @kernel
 def trace_instances(instances, query, first, count, tally):
-    """Answer a query for rays first to first + count - 1; the last structure to do so."""
+    """Answer a query for rays first to first + count - 1, after all other structures."""
     if query.any_hit == 0:
         for i in range(first, first + count, 16):
             store_row(query.instance, 0, i, splat_i32(-1))
@@ -190,7 +188,7 @@ def trace_instances(instances, query, first, count, tally):
             if n == 0:
                 continue
             lay_out(query, rays, n)
-            # from beyond the reach that boxes are padded for: to every instance
+            # rays from beyond the reach of the padding visit every instance
             for k in range(size if beyond != 0 else 1):
                 start = np.int64(~k if beyond != 0 else 0)
                 list_all(lists, zero, n)

@@ -1,9 +1,9 @@
-"""Groups and instances: a tree over the instances, and below it one tree for each group.
+"""Groups and instances: a tree over the instances, and below it one tree per group.
 
-The lecture's objects that hold objects: a ray that meets the box of an instance goes on
-in the object's own space, where the group's tree waits, stored once however many
-instances there are. The direction is not normalised there, so t means the same in both
-spaces. Of equal t the smallest primitive id wins, then the smallest instance id.
+A ray that hits the box of an instance is transformed into object space and traverses the
+group's tree, which is stored once for all its instances. The direction is not normalised
+there, so t is the same in both spaces. At equal t the smallest primitive id wins, then the
+smallest instance id.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from renderer.kernels.records.kernel_scene import Placements
 
 
 class Instances(NamedTuple):
-    """Nodes of eight: those of the tree over the instances, then those of the groups."""
+    """Nodes of eight: the tree over the instances, then the trees of the groups."""
 
     floats: NDArray[np.float32]  # (nodes * 32,) see `wide_bvh_build`
-    integers: NDArray[np.int32]  # the same memory; ~k is instance k, then come the leaves
+    integers: NDArray[np.int32]  # the same memory; ~k is instance k, larger k are leaves
     octets: NDArray[np.uint8]  # the same memory
-    order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
-    root: NDArray[np.int32]  # (instances,) the node or ~leaf that an instance's group is
+    order: NDArray[np.int32]  # (nodes * 8,) order of the children, see `far_to_near`
+    root: NDArray[np.int32]  # (instances,) root of the instance's group, a node or ~leaf
     leaves: NDArray[np.int32]  # (4 * leaves,) see `instance_streams`
-    # Boxes are padded for rays that start with |x| + |y| + |z| <= reach. Others meet all
-    # instances.
+    # Boxes are padded for rays that start with |x| + |y| + |z| <= reach. Other rays visit
+    # all instances.
     reach: float
     placements: Placements
     primitives: Any  # `instance_streams.Primitives` of all groups

@@ -1,4 +1,4 @@
-"""From the scene's groups and instances to the record that rays are traced through."""
+"""Build the record of instances and groups that rays are traced through."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.placed_groups import distortion, translation
 from renderer.scene.scene import KINDS, Scene
 
-# Seen from the world, an object's point is off by the rounding of the ray's way into the
-# object's space (4 units in the last place of the origin, 3 of the direction, which goes up
-# to twice as far) and of the hit test there (ROUNDING, 32 units); 2 are for the box itself.
+# Box padding, in units in the last place. In the world, a point in object space is off by
+# the rounding of the ray's transform (4 of the origin, 3 of the direction, which reaches
+# up to twice as far) and of the hit test there (ROUNDING, 32). 2 are for the box itself.
 _PAD = 44.0 / 32.0 * float(ROUNDING)
 
-# A group of no more primitives has no tree: an instance's box says enough of it.
+# A group of no more primitives has no tree: the instance's box culls well enough.
 FEW = 8
 
 # kind, record, columns -> the group of those primitives, in that order
@@ -40,19 +40,19 @@ MakeGroup = Callable[[str, Any, NDArray[np.int64]], Any]
 def build_instances(
     scene: Scene, make_group: MakeGroup, reach: float, *, brute: bool = False
 ) -> Instances | None:
-    """Build the tree over the instances and those of the groups; None without instances.
+    """Build the tree over the instances and the groups' trees; None without instances.
 
     Parameters
     ----------
     scene : Scene
         Its groups and instances.
     make_group : callable
-        Makes the arrays of a kind's primitives.
+        Makes the primitive group of a kind.
     reach : float
-        Rays start where |x| + |y| + |z| is not more than this; others are slow.
+        Largest |x| + |y| + |z| of ray origins for which boxes are padded; others are slow.
     brute : bool
-        Build no tree: each ray tests all instances, and all primitives of each. The truth
-        for tests.
+        Build no tree: each ray tests all instances and all their primitives. The
+        reference for tests.
     """
     if scene.placements is None:
         return None
@@ -82,13 +82,13 @@ def build_instances(
 
 
 def build_nodes(tree: BvhTree) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-    """Return nodes of eight, and the order of their children."""
+    """Return the nodes of eight, and the order of their children."""
     octets, _ = collapse(tree.bounds, tree.child, tree.count)
     return octets, far_to_near(octets.view(np.float32), octets.view(np.int32), octets)
 
 
 class _Parts:
-    """Nodes, leaves and primitives of all groups, one after the other."""
+    """The nodes, leaves and primitives of all groups, in sequence."""
 
     def __init__(self, scene: Scene) -> None:
         assert scene.placements is not None
@@ -103,7 +103,7 @@ class _Parts:
         self.bounds = {k: primitive_bounds(k, s) for k, s in scene.surfaces.items()}
 
     def add_nodes(self, tree: BvhTree) -> int:
-        """Add a binary tree; where a leaf's `child` is 8 k, ~k is stored."""
+        """Add a binary tree as nodes of eight; a leaf's `child` 8 k is stored as ~k."""
         octets, order = build_nodes(tree)
         nodes = octets.view(np.int32).reshape(-1, WIDE_WORDS)
         first = self.node_count
@@ -125,7 +125,7 @@ class _Parts:
                 lower, upper = (side[:, first:end] for side in self.bounds[kind])
                 tree = one_leaf(end - first) if few else build_tree(lower, upper)
                 trees.append(self._with_leaves(kind, int(first), tree))
-        if not trees:  # nothing to meet
+        if not trees:  # an empty group
             self.leaves.append((0, 0, 0, 1))
         if few:
             together = len(self.leaves) - begin
@@ -136,7 +136,7 @@ class _Parts:
         return self.add_nodes(trees[0])
 
     def _with_leaves(self, kind: str, first: int, tree: BvhTree) -> BvhTree:
-        """Add the leaves of a tree of one kind; return it with their numbers."""
+        """Add the leaves of a tree of one kind; return the tree with leaf numbers."""
         child = tree.child.copy()
         columns, start = self.columns[kind], self.column_count[kind]
         for node in np.flatnonzero(tree.count):
@@ -151,7 +151,7 @@ class _Parts:
         return tree._replace(child=child)
 
     def octets(self) -> NDArray[np.uint8]:
-        """Return all nodes in memory that begins with a pair of cache lines."""
+        """Return all nodes in memory aligned to a pair of cache lines."""
         nodes = np.concatenate([np.zeros((0, WIDE_WORDS), np.int32), *self.nodes])
         memory = aligned_bytes(max(nodes.nbytes, 4 * WIDE_WORDS))
         memory[: nodes.nbytes] = nodes.view(np.uint8).ravel()
@@ -174,7 +174,7 @@ class _Parts:
 
 
 def _joined(a: BvhTree, b: BvhTree) -> BvhTree:
-    """Return one tree of two, whose roots become the first siblings."""
+    """Join two trees: their roots become the children of a new root."""
     bounds = np.concatenate((a.bounds[:1], a.bounds[:1], b.bounds[:1], a.bounds[1:]))
     bounds = np.concatenate((bounds, b.bounds[1:]))
     bounds[0, :3] = np.minimum(a.bounds[0, :3], b.bounds[0, :3])
@@ -192,7 +192,7 @@ def _joined(a: BvhTree, b: BvhTree) -> BvhTree:
 
 
 def one_leaf(count: int) -> BvhTree:
-    """Return the tree that is a leaf without bounds."""
+    """Return a tree that is a single leaf without bounds."""
     bounds = np.array([[-np.inf] * 3 + [np.inf] * 3], np.float32)
     numbers = np.array([count], np.int32)
     return BvhTree(bounds, numbers * 0, numbers, np.arange(count, dtype=np.int32))
@@ -201,11 +201,11 @@ def one_leaf(count: int) -> BvhTree:
 def padded_boxes(
     scene: Scene, reach: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return lower and upper corners of boxes in which rays find the instances, (3, n).
+    """Return lower and upper corners (3, n) of the instances' boxes, padded for rounding.
 
-    A point that is computed in the object's space is off by a few units in the last place
-    of the distances that went into it: of the ray's origin to the instance, at most
-    reach + |a|. The transform may enlarge that (`distortion`), by up to 3 for a rotation.
+    A point in object space is off by a few units in the last place of the distances that
+    it was computed from: at most reach + |a|, from the ray's origin to the instance. The
+    transform may enlarge that (`distortion`), by up to 3 for a rotation.
     """
     assert scene.placements is not None and scene.instance_boxes is not None
     away = reach + np.abs(translation(scene.placements.to_world)).sum(axis=1)

@@ -1,4 +1,4 @@
-"""The proof of the trees over instances and of groups: they reach all that they hold."""
+"""Checks of the trees over instances and groups: they reach all that they hold."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from renderer.scene.scene import KINDS, Scene
 
 
 def validate_instances(instances: Instances, scene: Scene) -> None:
-    """Check that each group's tree holds its primitives, and the upper tree the instances.
+    """Check that each group's tree holds its primitives, and the top tree the instances.
 
     Raises
     ------
     ValueError
-        If not; the message says which group, node or primitive.
+        Otherwise; the message says which group, node or primitive.
     """
     assert scene.placements is not None
     roots = instances.root
@@ -75,7 +75,7 @@ def _validate_group(
 
 
 def _nodes_of(instances: Instances, root: int, trees: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the nodes of one tree, which are side by side, as rows."""
+    """Return the nodes of one tree, which are contiguous, as rows."""
     nodes = instances.octets.reshape(-1, WIDE_BYTES)
     later = trees[trees > root]
     return nodes[root : later[0] if later.size else len(nodes)]
@@ -89,7 +89,7 @@ def _validate_tree(
     lower: NDArray[Any],
     upper: NDArray[Any],
 ) -> None:
-    """Check one tree by itself, its nodes and leaves counted from 0."""
+    """Check one tree, with its nodes and leaves numbered from 0."""
     nodes = _nodes_of(instances, root, trees).copy()
     children = nodes.view(np.int32).reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8]
     children[children > 0] -= root
@@ -101,7 +101,7 @@ def _validate_tree(
 
 
 def _instance_boxes(scene: Scene) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return (n, 3) corners of boxes that hold every placed primitive of each instance."""
+    """Return (n, 3) corners of boxes around each instance's transformed primitives."""
     placements = scene.placements
     assert placements is not None
     lower, upper = np.full((2, len(placements.group), 3), np.inf)

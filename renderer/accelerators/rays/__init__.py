@@ -1,1 +1,1 @@
-"""What all structures do with a ray, or with sixteen."""
+"""Ray and packet operations that all structures share."""

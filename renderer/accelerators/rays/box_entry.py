@@ -1,7 +1,7 @@
-"""Where rays enter boxes: one ray, or 16, with room for what rounding may add.
+"""Ray-box tests for one ray or 16, conservative under rounding.
 
-Nothing that a ray hits may be missed: the far distance is stretched, and the origin moved
-apart, by bounds of the rounding errors.
+No hit may be missed: the exit distance is stretched, and the origin is moved down and up,
+by bounds of the rounding errors.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from renderer.kernels.lanes.functions import fabs, maximum, minimum, select, spl
 from renderer.kernels.lanes.vectors import vec3
 from renderer.plugins.shapes.extents import ROUNDING
 
-# A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
-# would leave in the boxes of flat primitives [Ize2013].
+# The exit distance of a slab is multiplied by 1 + 2 gamma(3), which closes the holes that
+# rounding would leave in the boxes of flat primitives [Ize2013].
 STRETCH = np.float32(1.0000004)
-# Boxes are tested as if they were larger by this fraction of the origin's coordinates (32
-# units in the last place), and `primitive_bounds` pads by the same fraction of their own:
-# the rounding of a hit's t and (u, v) must not put it outside of its own box.
+# Boxes are enlarged by this fraction of the origin's coordinates (32 units in the last
+# place), and `primitive_bounds` pads by the same fraction of the box's own: the rounding of
+# a hit's t and (u, v) must not put the hit outside of its box.
 MARGIN = ROUNDING
-# A direction's components are taken to be at least this share of the largest: the ray is
-# moved by less than a rounding error, and no product below is 0 * inf or overflows.
+# Components of a direction are clamped to at least this share of the largest. The ray moves
+# by less than a rounding error, and no product below is 0 * inf or overflows.
 LEAST_COMPONENT = np.float32(1e-12)
 _INFINITY = np.float32(np.inf)
 
 
 @kernel
 def origin_margins(origin):
-    """Return the origin moved down and up by the margin along every axis."""
+    """Return the origin minus and plus the margin along every axis."""
     far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
     return origin - far * MARGIN, origin + far * MARGIN
 
@@ -37,9 +37,9 @@ def origin_margins(origin):
 def packet_enters(bounds, node, low, high, inverse, t):
     """Return the mask of the 16 rays that enter a node's box before t.
 
-    An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
-    return their second operand then, so each distance is compared with the running bound
-    before the two are compared with each other: such a ray is inside the slab.
+    An axis-parallel ray in a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
+    then return their second operand. So each distance is first compared with the running
+    bound, and such a ray counts as inside the slab.
     """
     x0 = (bounds[node, 0] - high.x) * inverse.x
     x1 = (bounds[node, 3] - low.x) * inverse.x
@@ -71,7 +71,7 @@ def _sooner(a, bound):
 
 @kernel
 def ray_enters(bounds, node, low, high, inverse, t):
-    """Return where one ray enters a node's box, or infinity if not before t."""
+    """Return the t at which one ray enters a node's box, or infinity if not before t."""
     x0 = (bounds[node, 0] - high.x) * inverse.x
     x1 = (bounds[node, 3] - low.x) * inverse.x
     y0 = (bounds[node, 1] - high.y) * inverse.y
@@ -97,7 +97,7 @@ def _away_from_zero(d, least):
 def safe_reciprocal(direction):
     """Return 1 / d for each component of one ray or 16.
 
-    Finite, unless the direction is 0 or shorter than 1e-26.
+    The result is finite, unless the direction is 0 or shorter than 1e-26.
     """
     x, y, z = fabs(direction.x), fabs(direction.y), fabs(direction.z)
     largest = select(x > y, x, y)

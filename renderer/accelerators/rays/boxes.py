@@ -1,4 +1,4 @@
-"""Brute force: every primitive for every ray, 16 at a time; with boxes around objects."""
+"""Brute force, 16 rays at a time; and brute force with boxes around objects."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, add_to, add
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 # -------------------------------------------------------------------------- brute force
-# Brute force: every primitive against every ray. The truth that the others must return.
+# Brute force: every ray against every primitive, the reference for all structures.
 #
-# Also the fastest for a few dozen primitives, since 16 rays go at a time.
+# It is also the fastest for a few dozen primitives, as 16 rays are tested at a time.
 
 
 class BruteForce(NamedTuple):
-    """No structure at all."""
+    """The primitives, without any structure."""
 
     primitives: Any  # a group of one kind, in the scene's order
 
 
 def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
-    """Return all primitives in their order."""
+    """Return all primitives in the scene's order."""
     return BruteForce(group(np.arange(extents.lower.shape[1])))
 
 
@@ -84,19 +84,19 @@ def trace_brute_force(accel, query, first, count, tally):
 
 
 # -------------------------------------------------------------------------------- boxes
-# Boxes around objects, and no tree: brute force that leaves out what a ray passes by.
+# Boxes around objects, without a tree: brute force over the boxes that a ray enters.
 #
-# A scene of a few dozen primitives has a few objects. Of each batch of rays those that
-# enter an object's box are listed, without a branch that a single ray decides, and 16 of
-# a list at a time are tested against each of its primitives: bounding volumes as they
-# were before there were hierarchies of them [Whitted1980].
+# A scene of a few dozen primitives has a few objects. The rays of a batch that enter an
+# object's box are listed, without a branch per ray. Then 16 rays of a list at a time are
+# tested against each primitive of the object: bounding volumes without a hierarchy
+# [Whitted1980].
 
-MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
-_BATCH = 1024  # rays that are listed at once
-_ROW = _BATCH + 48  # of a list: not a power of two apart, see `records.batch`
+MOST = 8  # boxes: their lists are on the processor's stack, 35 KB
+_BATCH = 1024  # rays per batch
+_ROW = _BATCH + 48  # of a list: not a power of two, see `records.batch`
 _LISTS = MOST * _ROW
-# What a ray costs in tests of a primitive: for each box, and for each list that it is on
-# (12 numbers gathered and scattered).
+# Cost of a ray in primitive tests: per box, and per list that it is on (12 numbers gathered
+# and scattered).
 _FOR_A_BOX = 2.0
 _FOR_A_LIST = 6.0
 
@@ -105,12 +105,12 @@ class Boxes(NamedTuple):
     """Boxes around runs of primitives."""
 
     bounds: NDArray[np.float32]  # (boxes, 6) lower x y z, upper x y z
-    start: NDArray[np.int64]  # (boxes + 1,) first primitive of each; how many there are
+    start: NDArray[np.int64]  # (boxes + 1,) first primitive of each, then their number
     primitives: Any  # a group of one kind, in the scene's order
 
 
 def build_boxes(extents: Extents, group: PrimitiveGroup) -> Boxes:
-    """Divide the primitives, in their order, into runs with small boxes."""
+    """Divide the primitives, in the scene's order, into runs with small boxes."""
     start = divide(extents.lower, extents.upper)
     bounds = _bounds_of_runs(extents.lower, extents.upper, start)
     return Boxes(bounds, start, group(np.arange(extents.lower.shape[1])))
@@ -121,14 +121,14 @@ def expected_cost(
     upper: NDArray[np.float32],
     room: NDArray[np.float64] | None = None,
 ) -> float:
-    """Return what a ray is expected to cost, in tests of a primitive.
+    """Return the expected cost of a ray, in primitive tests.
 
     Parameters
     ----------
     lower, upper
         (3, n) corners of the primitives' boxes.
     room
-        (2, 3) corners of the box that rays fill evenly; None: that of the primitives.
+        (2, 3) corners of the box that rays fill evenly; None: the primitives' box.
     """
     start = divide(lower, upper)
     bounds = _bounds_of_runs(lower, upper, start)
@@ -142,8 +142,8 @@ def expected_cost(
 def divide(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> NDArray[np.int64]:
     """Return where runs of primitives begin, and where the last one ends.
 
-    Again and again a run is cut where that saves most by the surface areas of the boxes
-    [MacDonald1990], until there are `MOST` or no cut saves anything.
+    Runs are cut where the surface area heuristic saves most [MacDonald1990], until there
+    are `MOST` runs or no cut saves anything.
     """
     low, high = lower.min(axis=1, keepdims=True), upper.max(axis=1, keepdims=True)
     for_a_box = _FOR_A_BOX * float(_areas(low, high)[0])
@@ -160,7 +160,7 @@ def divide(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> NDArray[np
 def _best_cut(
     lower: NDArray[np.float32], upper: NDArray[np.float32], first: int
 ) -> tuple[float, int]:
-    """Return what the best cut of a run saves, times area, and its place; 0 for none."""
+    """Return the saving of the best cut of a run, times area, and its index; 0 for none."""
     n = lower.shape[1]
     if n < 2:
         return 0.0, first
@@ -192,7 +192,7 @@ def _areas(lower: Any, upper: Any) -> Any:
 
 @kernel
 def _list_entering(bounds, origins, directions, ends, first, count, lists, many, tally):
-    """List which rays enter each box before their ends; `many` says how many do."""
+    """List the rays that enter each box before t_max; `many` holds the lists' lengths."""
     boxes = bounds.shape[0]
     for box in range(boxes):
         many[box] = 0
@@ -211,7 +211,7 @@ def _list_entering(bounds, origins, directions, ends, first, count, lists, many,
 
 @kernel
 def _count(tally, lists, place, count, primitives):
-    """Count a box, as a node, and its primitives for each ray of a list."""
+    """Count a box as a node, and its primitives, for each ray of a list."""
     if tally is None:
         return
     for k in range(place, place + count):
@@ -241,7 +241,7 @@ def trace_boxes(accel, query, first, count, tally):
 
 @kernel
 def _test(primitives, start, end, query, ray, live):
-    """Test 16 rays against the primitives of a box, and store what they meet."""
+    """Test 16 rays against the primitives of a box, and store their hits."""
     origin = gather3(query.origin, ray, live)
     direction = gather3(query.direction, ray, live)
     t = select(live, gather_row(query.ends, 0, ray, live), splat_f32(-1.0))
@@ -257,7 +257,7 @@ def _test(primitives, start, end, query, ray, live):
     before = Nearest(t, prim, t, t)  # any u and v: no hit yet
     near = nearest_in_order(primitives, start, end, origin, direction, before)
     found = near.prim != prim
-    if mask_bits(found) != 0:  # scattering nothing takes as long as something
+    if mask_bits(found) != 0:  # an empty scatter takes as long as any other
         scatter_row(query.ends, 0, ray, near.t, found)
         scatter_row(query.prim, 0, ray, near.prim, found)
         scatter_row(query.u, 0, ray, near.u, found)

@@ -1,4 +1,4 @@
-"""What all accelerators do with 16 rays and some primitives: nearest hit, any hit."""
+"""Nearest-hit and any-hit tests of 16 rays against some primitives, for all structures."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from renderer.plugins.shapes.primitives import Intersection, hit_primitive, prim
 class Nearest(NamedTuple):
     """The nearest hits of 16 rays so far."""
 
-    t: Any  # the ray's end before the first hit
-    prim: Any  # primitive id, -1: none yet
+    t: Any  # t_max before the first hit
+    prim: Any  # primitive id, -1 for none yet
     u: Any
     v: Any
 
 
 class Packet(NamedTuple):
-    """What 16 rays have found so far."""
+    """The hits of 16 rays so far."""
 
     nearest: Nearest
-    blocked: Any  # mask of the rays that any hit has ended; no ray if the nearest counts
+    blocked: Any  # mask of the rays blocked by any hit; empty for nearest-hit queries
 
 
 @kernel
 def begin_packet(query, i, traced):
-    """Return what rays i to i + 15 have found; those not `traced` end before they begin."""
+    """Return the packet of rays i to i + 15; rays not in `traced` get an empty interval."""
     t = select(traced, load_row(query.ends, 0, i), -1.0)
     prim = load_row(query.prim, 0, i)
     blocked = splat_mask(False)
@@ -55,7 +55,7 @@ def begin_packet(query, i, traced):
 
 @kernel
 def end_packet(query, i, packet, traced):
-    """Store what rays i to i + 15 have found."""
+    """Store the hits of rays i to i + 15."""
     before = load_row(query.prim, 0, i)
     if query.any_hit != 0:
         met = (before != 0) | (packet.blocked & traced)
@@ -64,7 +64,7 @@ def end_packet(query, i, packet, traced):
     nearest = packet.nearest
     found = nearest.prim != before
     if mask_bits(found) == 0:
-        return  # and leave alone what is not in the cache
+        return  # do not touch arrays that are not in the cache
     store_row(query.ends, 0, i, select(found, nearest.t, load_row(query.ends, 0, i)))
     store_row(query.prim, 0, i, nearest.prim)
     store_row(query.u, 0, i, select(found, nearest.u, load_row(query.u, 0, i)))
@@ -75,8 +75,8 @@ def end_packet(query, i, packet, traced):
 def hit_packet(primitives, k, origin, direction, t_max):
     """Intersect 16 rays with primitive k of a group.
 
-    On AVX2 eight by eight: it has 16 registers, and a triangle test of 16 rays needs all of
-    them twice.
+    On AVX2 it is done in two halves of eight: a triangle test of 16 rays needs twice its 16
+    registers.
     """
     always_inline()
     primitive = primitive_at(primitives, k)
@@ -93,16 +93,16 @@ def hit_packet(primitives, k, origin, direction, t_max):
 
 @kernel
 def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, count):
-    """Return the nearest hits after primitives start .. end - 1 of a group were tested.
+    """Return the nearest hits after testing primitives start .. end - 1 of a group.
 
-    At equal t the smaller id wins, so that no order of visits changes the outcome. The
-    tally is that of the `count` rays from i on.
+    At equal t the smaller id wins, so the result does not depend on the order of visits.
+    The tally counts for `count` rays from i on.
     """
     add_to_packet(tally, PRIMITIVES, i, count, end - start)
     for k in range(start, end):
         x = hit_packet(primitives, k, origin, direction, nearest.t)
         prim = load_one(primitives.id, 0, k)
-        # without a sign -1 is the largest id
+        # as unsigned, -1 is the largest id
         tie = (x.t == nearest.t) & (as_u32(nearest.prim) > np.uint32(prim))
         wins = x.hit & ((x.t < nearest.t) | tie)
         nearest = Nearest(
@@ -116,13 +116,13 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
 
 @kernel
 def nearest_in_order(primitives, start, end, origin, direction, before):
-    """Return what `nearest_of` does, for primitives whose ids grow from start to end - 1.
+    """Do as `nearest_of`, for primitives whose ids grow from start to end - 1.
 
-    The primitive that was hit before must have none of their ids, nor one between them. So
-    at equal t no primitive wins over another, and all of them win or lose against that
-    hit: where they win, the ray ends at the next larger t. Hits are nearer than the end.
+    The previous hit's primitive must have none of these ids, nor one between them. Then no
+    tie occurs among these primitives; against the previous hit they all win or all lose a
+    tie. If they win, t_max becomes the next larger float. Hits must be nearer than t_max.
     """
-    # without a sign -1, no hit yet, is the largest id
+    # as unsigned, -1 (no hit yet) is the largest id
     wins_ties = as_u32(before.prim) > np.uint32(load_one(primitives.id, 0, start))
     wins_ties &= before.t < np.float32(np.inf)
     t = select(wins_ties, as_f32(as_i32(before.t) + 1), before.t)
@@ -139,9 +139,10 @@ def nearest_in_order(primitives, start, end, origin, direction, before):
 
 @kernel
 def blocked_by(primitives, start, end, origin, direction, t_max, blocked, tally, i, count):
-    """Return `blocked`, set also where one of primitives start .. end - 1 is met.
+    """Return `blocked`, set also for rays that hit one of primitives start .. end - 1.
 
-    `nearest_of` would do, but takes 1.09 times as long: it goes on when all are blocked.
+    `nearest_of` gives the same but takes 1.09 times as long: it has no early exit when all
+    rays are blocked.
     """
     for k in range(start, end):
         add_to_packet(tally, PRIMITIVES, i, count, 1)
@@ -156,7 +157,7 @@ def blocked_by(primitives, start, end, origin, direction, t_max, blocked, tally,
 def intersect_packet(
     primitives, start, end, origin, direction, packet, any_hit, tally, i, count
 ):
-    """Return what 16 rays have found after primitives start .. end - 1 were tested."""
+    """Return the hits of 16 rays after testing primitives start .. end - 1."""
     nearest, blocked = packet.nearest, packet.blocked
     if any_hit != 0:
         blocked = blocked_by(

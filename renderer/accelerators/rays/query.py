@@ -1,9 +1,8 @@
-"""A query: rays, what is searched along them, and where the answers are stored.
+"""A query: rays, the kind of hit to find, and the arrays of the results.
 
-Every structure implements `traverse`: one body for the nearest hit and for any hit. Both
-kinds of query are of one type, so that Numba types a traversal once. `any_hit` is a
-constant in each of the methods that call it (`accelerators.dispatch`), so LLVM removes the
-branches of the other kind.
+Every structure implements `traverse` once, for nearest hit and any hit. Both kinds of query
+have the same type, so Numba types a traversal once. `any_hit` is a constant in each method
+that calls it (`accelerators.dispatch`), so LLVM removes the branches of the other kind.
 """
 
 from __future__ import annotations
@@ -16,16 +15,16 @@ from renderer.kernels.jit import interface, kernel
 
 
 class Query(NamedTuple):
-    """Rays and the arrays of their answers."""
+    """Rays and the arrays of their results."""
 
     origin: Any  # (3, n) float32
     direction: Any  # (3, n) float32
-    ends: Any  # (n,) float32 of a nearest hit, its t
-    prim: Any  # (n,) int32 of the nearest hit; or 1 where a ray is blocked
+    ends: Any  # (n,) float32 t_max; of a nearest hit, its t
+    prim: Any  # (n,) int32 primitive id of the nearest hit; for any hit, 1 if blocked
     u: Any  # (n,) float32 of the nearest hit
     v: Any
     instance: Any  # (n,) int32 of the nearest hit
-    any_hit: int  # not 0: any hit ends a ray and blocks it
+    any_hit: int  # nonzero: any hit ends and blocks a ray
 
 
 @kernel
@@ -45,7 +44,7 @@ def nearest_hits(rays, hits):
 
 @kernel
 def any_hits(shadow_rays):
-    """Return the query for which of the rays are blocked."""
+    """Return the query for occlusion of each ray."""
     ends, blocked = shadow_rays.t_max, shadow_rays.blocked
     return Query(
         shadow_rays.origin,
@@ -66,4 +65,4 @@ def traverse(accel, query, first, count, tally):
 
 @interface
 def traverse_coherent(accel, query, first, count, tally):
-    """Answer a query as `traverse` does, faster for rays that go nearly the same way."""
+    """Answer a query as `traverse` does, faster for coherent rays."""

@@ -1,6 +1,6 @@
-"""What all accelerators do with one ray and some primitives: nearest hit, any hit.
+"""Nearest-hit and any-hit tests of one ray against some primitives, for all structures.
 
-At equal t the smaller id wins, so that no order of visits changes the outcome.
+At equal t the smaller id wins, so the result does not depend on the order of visits.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from renderer.plugins.shapes.primitives import hit_primitive, primitives_from
 class RayHit(NamedTuple):
     """The nearest hit so far of one ray."""
 
-    t: Any  # the ray's end before the first hit
-    prim: Any  # primitive id, -1: none yet
+    t: Any  # t_max before the first hit
+    prim: Any  # primitive id, -1 for none yet
     u: Any
     v: Any
 
@@ -41,9 +41,9 @@ def store_hit(query, i, hit):
 
 @kernel
 def nearest_in_range(primitives, start, end, origin, direction, hit, tally, i):
-    """Return the nearest hit after primitives start .. end - 1 of a group were tested.
+    """Return the nearest hit after testing primitives start .. end - 1 of a group.
 
-    16 primitives at a time.
+    They are tested 16 at a time.
     """
     always_inline()  # a call takes up to 1.05 times as long
     add_to(tally, PRIMITIVES, i, end - start)
@@ -64,7 +64,7 @@ def nearest_in_range(primitives, start, end, origin, direction, hit, tally, i):
 
 @kernel
 def blocked_in_range(primitives, start, end, origin, direction, t_max, tally, i):
-    """Return whether one of primitives start .. end - 1 is met up to t_max."""
+    """Return whether the ray hits one of primitives start .. end - 1 before t_max."""
     for k in range(start, end, 16):
         add_to(tally, PRIMITIVES, i, min(end - k, 16))
         x = hit_primitive(
@@ -77,7 +77,7 @@ def blocked_in_range(primitives, start, end, origin, direction, t_max, tally, i)
 
 @kernel
 def is_finite_ray(origin, direction):
-    """Return whether no component is NaN or infinite; of one ray or 16."""
+    """Return whether all components are finite, of one ray or 16."""
     zero = np.float32(0.0)
     nothing = (origin.x + origin.y + origin.z) * zero
     return nothing + (direction.x + direction.y + direction.z) * zero == zero

@@ -1,1 +1,1 @@
-"""The stages of a batch of paths, from camera rays to scattering."""
+"""The stages that process a batch of paths, from camera rays to scattering."""

@@ -1,4 +1,4 @@
-"""Stage 6 of a tree of rays: every mirrored and every refracted ray is followed."""
+"""Stage 6 of `whitted`: both the reflected and the refracted ray are followed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from renderer.kernels.records.kernel_scene import RECORD, SPLIT
 from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
 
-_LARGEST = np.float32(1.0 - 2.0**-24)  # of a random number
+_LARGEST = np.float32(1.0 - 2.0**-24)  # the largest random number in [0, 1)
 
 
 @kernel
 def _append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
-    """Append the rays of a delta lobe that are worth following; return the new end."""
-    # the value of the lobe, whatever the probability that it is sampled with
+    """Append the rays of a delta lobe above the cutoff; return the new end."""
+    # weight * pdf: the lobe's value without its selection probability
     throughput = load3(points.throughput, i) * branch.weight * branch.pdf
     brightest, lobe = largest(throughput), lobe_of(branch)
     heavy = mine & (brightest > 0.0) & (brightest >= np.float32(settings.cutoff))
@@ -32,9 +32,9 @@ def _append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
 
 @method_kernel
 def split(bsdf, settings, points, start, stop, rays, end):
-    """Follow the delta lobes of one kind, of which it may have two; return the new end.
+    """Append the delta lobes of one kind of BSDF, at most two each; return the new end.
 
-    The least number chooses the one of `sample`, the largest number the other.
+    The lobe-selection number 0 gives one lobe of `sample`, the largest gives the other.
     """
     none = splat_f32(0.0)
     for i in range(start, stop, 16):
@@ -46,7 +46,7 @@ def split(bsdf, settings, points, start, stop, rays, end):
         least = Numbers(none, none, none, bsdf.arithmetic)
         one = sample_bsdf(parameters, wo, least)
         end = _append_branch(bsdf, settings, one, frame, points, i, mine, rays, end)
-        if bsdf.both_sides is not None:  # known when it is compiled
+        if bsdf.both_sides is not None:  # compile-time constant
             most = Numbers(none, none, none + _LARGEST, bsdf.arithmetic)
             other = sample_bsdf(parameters, wo, most)
             both = mine & ((one.wi.z > 0.0) ^ (other.wi.z > 0.0))
@@ -56,7 +56,7 @@ def split(bsdf, settings, points, start, stop, rays, end):
 
 @kernel
 def branch_specular(scene, work, start):
-    """Append all branches to `work.rays` from `start` on; return how many there are."""
+    """Append all branches to `work.rays` from `start` on; return their number."""
     methods, ends = scene.bsdfs.methods, work.ends
     end = start
     for kind in range(methods.shape[0]):

@@ -1,4 +1,4 @@
-"""Camera rays of a batch of samples, and the random numbers of each."""
+"""Camera rays of a batch of samples, and the samples' random numbers."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from renderer.plugins.sensors.kind import camera_ray
 # -------------------------------------------------------------------------------- draws
 # The random numbers of a batch, from a sampler that hashes pixel, sample and dimension.
 #
-# A sampler's methods: the place of each sample on the film, four numbers for each surface
-# point, and the light that each point samples.
+# A sampler has methods for the film position of each sample, for four numbers per surface
+# point, and for the light that each point samples.
 
 
 @kernel
@@ -45,10 +45,10 @@ def _store(numbers, row, i, drawn, count):
 
 @kernel
 def _write_pair(sampler, tile, sample, block, film, row):
-    """Write two numbers in [0, 1) for each sample of a tile's square, by slot."""
+    """Write two numbers in [0, 1) for each sample of a tile's square, indexed by slot."""
     for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 32):
         slot = lane_index() + first
-        x, y = slot_pixel(slot, tile.level)  # the next 16 are to the right of these
+        x, y = slot_pixel(slot, tile.level)  # the next 16 slots are to the right
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
             continue
         here, after = sample_key(tile, slot), sample_key(tile, slot + 16)
@@ -59,19 +59,19 @@ def _write_pair(sampler, tile, sample, block, film, row):
 
 @method_kernel
 def draw_film(sampler, tile, sample, film):
-    """Write where in their pixel the samples of a tile's square lie."""
+    """Write the position in its pixel of each sample of a tile's square."""
     _write_pair(sampler, tile, sample, FILM_BLOCK, film, 0)
 
 
 @method_kernel
 def draw_aperture(sampler, tile, sample, film):
-    """Write where on the lens the samples of a tile's square lie."""
+    """Write the position on the lens of each sample of a tile's square."""
     _write_pair(sampler, tile, sample, APERTURE_BLOCK, film, 2)
 
 
 @method_kernel
 def draw(sampler, tile, sample, block, slots, count, numbers):
-    """Draw four numbers for each of `count` points, in rows of `numbers`."""
+    """Draw four numbers for each of `count` points, into the rows of `numbers`."""
     for i in range(0, count, 32):
         here = sample_key(tile, load_row(slots, 0, i))
         next_ones = sample_key(tile, load_row(slots, 0, i + 16))
@@ -84,7 +84,7 @@ def draw(sampler, tile, sample, block, slots, count, numbers):
 def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbers, light):
     """Choose the light that each point samples, and draw three numbers for its sample.
 
-    That is light number `turn`; if it is negative, one of all `lights`, at random.
+    The light is number `turn`; if `turn` is negative, it is one of all `lights` at random.
     """
     draw(sampler, tile, sample, block, slots, count, numbers)
     for i in range(0, count, 16):
@@ -98,15 +98,15 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
 
 
 # -------------------------------------------------------------------------- camera rays
-# Stage 1, ray generation: a camera ray for each sample of a batch, x(t) = p + t d.
+# Stage 1, ray generation: one camera ray x(t) = p + t d per sample of a batch.
 
 
 @kernel
 def camera_rays(scene, tile, sample, work, first):
-    """Append one ray for each place of the tile's square to `first` rays.
+    """Append one camera ray per sample of a tile's square after the first `first` rays.
 
-    Returns how many rays there are then.
-    `work.film` is filled with the places on the full film that they go through.
+    Writes the samples' positions on the full film [pixels] to `work.film`. Returns the new
+    number of rays.
     """
     rays, film, sampler, sensor = work.rays, work.film, scene.sampler, scene.sensor
     call(sampler[0, DRAW_FILM], sampler[0, RECORD], (tile, sample, film))
@@ -127,10 +127,10 @@ def camera_rays(scene, tile, sample, work, first):
 
 @method_kernel
 def fill_rays(sensor, tile, rays, hits, film, count):
-    """Append rays for samples whose places in their pixels are in `film`.
+    """Append rays for the samples whose positions in their pixels are in `film`.
 
-    `count` rays are there before; returns how many there are then.
-    The places are replaced by those on the full film.
+    `count` rays exist already. Replaces the positions in `film` by those on the full film
+    [pixels]. Returns the new number of rays.
     """
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
     for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 16):
@@ -158,10 +158,10 @@ def fill_rays(sensor, tile, rays, hits, film, count):
 
 @entry_kernel
 def camera_rays_through(sensor, tile, work, count):
-    """Append the rays of a tile's square to `count` others; return how many there are then.
+    """Append the rays of a tile's square to `count` others; return the new number.
 
-    `sensor` is its table of methods. Rows 0 and 1 of `work.film` are the places on the full
-    film that the rays go through, whatever the tile, rows 2 and 3 those on the lens.
+    `sensor` is the sensor's table of methods. Rows 0 and 1 of `work.film` hold the
+    positions on the full film [pixels], whatever the tile; rows 2 and 3 those on the lens.
     """
     film = work.film
     for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 16):

@@ -1,7 +1,7 @@
-"""Stage 5, direct light: L_o = sum over lights of f I / r^2 V cos, as shadow rays.
+"""Stage 5, direct light: L_o = sum over lights of f I / r^2 V cos, by shadow rays.
 
-In three steps that do not know each other: a light is sampled from each point, the BSDF
-there says what it reflects of it, and a shadow ray finds the visibility V.
+Three independent steps: a light is sampled from each point, the point's BSDF is evaluated
+in that direction, and a shadow ray finds the visibility V.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def lights_at_a_point(lights, settings):
 
 @kernel
 def _number_in_file(lights, samples, count):
-    """Go from the number among the sampled lights to that among all."""
+    """Replace indices into the sampled lights by indices into all lights."""
     for i in range(0, count, 16):
         chosen = load_row(samples.light, 0, i)
         valid = first_lanes(count - i)
@@ -47,7 +47,7 @@ def _number_in_file(lights, samples, count):
 
 @kernel
 def samples_lights(scene):
-    """Return whether lights are sampled at all: in some way one of them is chosen."""
+    """Return whether there is a method that chooses a light."""
     by_importance = scene.lights.choice.shape[0] != 0
     return by_importance or scene.sampler[0, CHOOSE_LIGHT] != 0
 
@@ -56,7 +56,8 @@ def samples_lights(scene):
 def sample_lights(scene, turn, tile, sample, bounce, work, count):
     """Sample one light from each of the first `count` points.
 
-    The same light for all, number `turn`, or one of all for each, as the settings say.
+    According to the settings, that is light number `turn` for all points, or one light
+    chosen at each point.
     """
     lights, points, samples = scene.lights, work.points, work.light_samples
     block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
@@ -103,9 +104,10 @@ def sample_lights(scene, turn, tile, sample, bounce, work, count):
 
 @kernel
 def shadow_rays_to(points, i, wi, distance):
-    """Return origins, directions and lengths from points i to i + 15 to their lights.
+    """Return origins, directions and lengths of shadow rays from points i to i + 15.
 
-    `wi` and `distance` lead from the point itself; the ray starts off the surface.
+    `wi` and `distance` are measured from the point itself; the returned ray starts off the
+    surface.
     """
     origin = leave_surface(points, i, wi)
     to_light = load3(points.position, i) + wi * distance - origin
@@ -115,7 +117,7 @@ def shadow_rays_to(points, i, wi, distance):
 
 @kernel
 def is_lit(light):
-    """Return where light is not black; of images it may be negative, and sum up to 0."""
+    """Return the mask of nonzero light; image values may be negative and sum to 0."""
     return fabs(light.x) + fabs(light.y) + fabs(light.z) > 0.0
 
 
@@ -125,7 +127,7 @@ def reflect_light(
 ):
     """Append the shadow rays of one kind of BSDF; return the new count.
 
-    `probability` is that with which each light was chosen.
+    `probability` is the probability with which each light was chosen.
     """
     before_light = np.float32(settings.before_light)
     for i in range(start, stop, 16):
@@ -142,7 +144,7 @@ def reflect_light(
             to_local(frame, wi),
         )
 
-        # what arrives if nothing is in between
+        # contribution if the light is visible
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
         throughput = load3(points.throughput, i)
@@ -162,7 +164,7 @@ def reflect_light(
 
 @kernel
 def cast_shadow_rays(scene, work):
-    """Append what the sampled lights would contribute to `work.shadow_rays`."""
+    """Append the contributions of the light samples to `work.shadow_rays`."""
     bsdfs, ends = scene.bsdfs, work.ends
     probability = light_probability(scene.lights, scene.settings)
     cast = np.int64(0)
@@ -187,7 +189,7 @@ def cast_shadow_rays(scene, work):
 
 @kernel
 def direct_light(scene, tile, sample, bounce, work):
-    """Add the direct light at the points that have a smooth BSDF, which come first."""
+    """Add the direct light at points with a smooth BSDF; these are the first points."""
     count = work.ends[scene.bsdfs.smooth]
     if count == 0:
         return

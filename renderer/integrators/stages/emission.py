@@ -1,4 +1,4 @@
-"""Stage 3, emission: the light that a path hits, of surfaces and environments."""
+"""Stage 3, emission: radiance of the area lights and environments that a path hits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from renderer.plugins.lights.environment import add_environment
 
 @kernel
 def add_emitted_light(scene, work, first, count, see_environment):
-    """Add the light of what `count` rays have hit, from `first` on, and of the sky."""
+    """Add the radiance emitted towards `count` rays from index `first` on."""
     lights, settings = scene.lights, scene.settings
     if lights.count == 0:
         return
@@ -41,7 +41,7 @@ def add_emitted_light(scene, work, first, count, see_environment):
                 lights.methods[kind, RECORD],
                 (settings, lights, points, work.rays, hits, first, count, work.radiance),
             )
-    # an int64, as kinds of BSDFs are: a constant is compiled once more
+    # a typed int64, as for kinds of BSDFs; a literal would be compiled separately
     stage, start, order = np.int64(EMIT), np.int64(0), work.order
     found = append_hits(scene, work.rays, hits, first, count, stage, order, points, start)
     if found > 0:
@@ -56,21 +56,21 @@ def add_emitted_light(scene, work, first, count, see_environment):
 
 
 # ----------------------------------------------------------------------------- caustics
-# Paths without caustics: light that mirrors or glass have thrown on a rough surface.
+# Paths without caustics: no light that a delta lobe casts onto a rough surface.
 #
-# Seen from the camera: after a smooth lobe come mirrors or glass, and then a lamp or the
-# sky. Going straight on, through a hole or a thin pane, is neither. Such paths go on;
-# what they find there is not added. These methods stand in the tables of simplified
-# scenes alone.
+# Such light arrives along a path that has, seen from the camera, a smooth lobe, then a
+# delta lobe, then a lamp or the environment. Passing straight through a hole or a thin
+# pane counts as neither lobe. The path goes on; only its emission is not added. These
+# methods are in the tables of simplified scenes only.
 
 
 class CausticMarks(NamedTuple):
-    """The record that the hook belongs to; it holds nothing."""
+    """The record of the hook `mark_caustics`; it has no fields."""
 
 
 @method_kernel
 def mark_caustics(marks, settings, rays, end, points):
-    """Note what the paths of the first `end` rays have met, which have just left it."""
+    """Update the lobe history of the paths whose first `end` rays have just scattered."""
     for k in range(end):
         slot, lobe = rays.slot[k], rays.lobe[k]
         if lobe == SMOOTH:
@@ -87,7 +87,7 @@ def _blacken(throughput, i):
 
 @method_kernel
 def add_emission_but_caustics(kind, settings, lights, shapes, points, count, radiance):
-    """Do as `add_emission`; the points are there for it alone."""
+    """Add emission except caustics; the throughput of `points` may be overwritten."""
     for i in range(count):
         if points.met[points.slot[i]] & CAUSTIC != 0:
             _blacken(points.throughput, i)
@@ -98,7 +98,7 @@ def add_emission_but_caustics(kind, settings, lights, shapes, points, count, rad
 def add_environment_but_caustics(
     kind, settings, lights, points, rays, hits, first, count, radiance
 ):
-    """Do as `add_environment`; rays that have hit nothing end here."""
+    """Add the environment except caustics; the throughput of misses is overwritten."""
     for i in range(first, first + count):
         if hits.prim[i] < 0 and rays.met[rays.slot[i]] & CAUSTIC != 0:
             _blacken(rays.throughput, i)

@@ -1,4 +1,4 @@
-"""Samples to sums of a tile, sums to pixels, and counts to colours."""
+"""The film: samples to a tile's sums, sums to pixels, and work counts to colours."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from renderer.scene.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
 
 # --------------------------------------------------------------------------------- film
-# Samples into a tile's sums: weighted by the filter, in double precision, in order.
+# Samples are added to a tile's sums: filter-weighted, in double precision, in fixed order.
 
 
 class FilterTable(NamedTuple):
-    """A tabulated filter that is wider than its own pixel."""
+    """A tabulated reconstruction filter that is wider than its own pixel."""
 
     radius: float  # [pixels]
-    weights: NDArray[np.float64]  # (steps + 1,) at the lower ends of equal parts
-    # (m, n) linear combinations of the first n channels, whose squares are the m channels
-    # behind these: second moments; None without them
+    weights: NDArray[np.float64]  # (steps + 1,) at the lower ends of equal intervals
+    # (m, n) linear combinations of the first n channels. Their squares are the m channels
+    # that follow: second moments. None without moments
     squares: NDArray[np.float32] | None = None
 
 
@@ -41,20 +41,20 @@ BOX = FilterTable(0.0, np.zeros(0))
 
 
 def filter_table(rfilter: ReconstructionFilter) -> FilterTable:
-    """Return the table of a filter; the box has none: its samples stay in their pixel."""
+    """Return the filter's table; empty for the box, whose samples stay in their pixel."""
     if rfilter.name == "box":
         return BOX
     return FilterTable(float(rfilter.radius), tabulate(rfilter))
 
 
 def filter_border(table: FilterTable) -> int:
-    """Return how many pixels beyond its tile a sample can reach."""
+    """Return how many pixels beyond its tile a sample can contribute to."""
     return 0 if table.weights.size == 0 else int(np.ceil(table.radius + 0.5))
 
 
 @kernel
 def square_sums(squares, radiance, level):
-    """Write the squares of sums of the first channels to the channels behind them."""
+    """Write squares of combinations of the first channels to the channels after them."""
     if squares is None:
         return
     rows, columns = squares.shape
@@ -68,7 +68,7 @@ def square_sums(squares, radiance, level):
 
 @kernel
 def clear(radiance, level):
-    """Set the light of all slots to zero, before their samples are traced."""
+    """Set the radiance of all slots to zero before a group of samples is traced."""
     for channel in range(radiance.shape[0]):
         for slot in range(CAPACITY << 2 * level):
             radiance[channel, slot] = 0.0
@@ -76,9 +76,9 @@ def clear(radiance, level):
 
 @kernel
 def _four_samples(radiance, channel, x, y, later, level):
-    """Return one number of sample `later` of four pixels of a row."""
+    """Return one channel of sample `later` of four neighbouring pixels of a row."""
     value = to_f32(lane_index_4())
-    # slots of samples differ in the bits that a pixel's first slot leaves free
+    # the sample index uses the bits that a pixel's first slot leaves zero
     sample = pixel_slot(0, 0, later, level)
     for k in range(4):
         number = load_one(radiance, channel, pixel_slot(x + k, y, 0, level) | sample)
@@ -88,7 +88,7 @@ def _four_samples(radiance, channel, x, y, later, level):
 
 @kernel
 def _add_to_own_pixels(tile, radiance, sums):
-    """Add each pixel's samples to it alone, one after the other, four pixels at once."""
+    """Add each pixel's samples to that pixel in sequence, four pixels at a time."""
     channels, level = sums.shape[0] - 1, tile.level
     together = 1 << 2 * level
     for y in range(tile.height):
@@ -96,7 +96,7 @@ def _add_to_own_pixels(tile, radiance, sums):
             for c in range(channels):
                 plane = sums[c]
                 value = load_four(plane, y, x)
-                # beyond the tile's edge zeros are added to zeros
+                # lanes beyond the tile's edge add zeros to zeros
                 for later in range(together):
                     value += to_double(_four_samples(radiance, c, x, y, later, level))
                 store_row(plane, y, x, value)
@@ -109,8 +109,8 @@ def _add_to_own_pixels(tile, radiance, sums):
 
 @kernel
 def _four_numbers(radiance, slot, first, channels):
-    """Return numbers `first` .. first + 3 of a sample; the last of all is its weight, 1."""
-    zero = to_double(to_f32(lane_index_4())) * 0.0  # a constant of four lanes
+    """Return channels `first` .. first + 3 of a sample; the last is its weight, 1."""
+    zero = to_double(to_f32(lane_index_4())) * 0.0  # a zero of four lanes
     value = zero
     for k in range(4):
         c = first + k
@@ -124,20 +124,20 @@ def _four_numbers(radiance, slot, first, channels):
 
 @kernel
 def open_sums(rfilter, sums, splats):
-    """Copy a tile's sums to where a pixel's numbers lie side by side, for `add_to_tile`."""
+    """Copy a tile's sums to `splats`, where the channels of a pixel are adjacent."""
     if rfilter.weights.size != 0:
         _copy(sums, splats, np.bool_(True))
 
 
 @kernel
 def close_sums(rfilter, sums, splats):
-    """Copy them back."""
+    """Copy `splats` back to the tile's sums."""
     if rfilter.weights.size != 0:
         _copy(sums, splats, np.bool_(False))
 
 
 @kernel
-def _copy(sums, splats, there):  # both ways by one kernel: a constant would make two
+def _copy(sums, splats, there):  # `there` is no constant: that would compile two kernels
     numbers, size = sums.shape[0], sums.shape[2]
     for c in range(numbers):
         plane, first = sums[c], (c // 4) * 4 * size * size + c % 4
@@ -152,11 +152,11 @@ def _copy(sums, splats, there):  # both ways by one kernel: a constant would mak
 
 @kernel
 def _add_one(rfilter, x, y, slot, radiance, sums, splats):
-    """Add the sample of a slot, at (x, y) in the sums, to all pixels that it reaches.
+    """Add the sample of a slot, at (x, y) in the sums, to all pixels within the filter.
 
-    Pixel centres are integers here. The channels of one pixel are added together. Adding
-    several columns at once is slower: the next sample would load a part of what was just
-    stored, and wait for it.
+    Pixel centres are integers here. The channels of a pixel are added together. Adding
+    several columns at once is slower: the next sample would load part of what was just
+    stored, and stall.
     """
     channels, size = sums.shape[0] - 1, sums.shape[2]
     pixels, groups = size * size, channels // 4 + 1
@@ -183,12 +183,12 @@ def _add_one(rfilter, x, y, slot, radiance, sums, splats):
 def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
     """Add the samples of a tile's slots, `radiance` (channels, slots), to its sums.
 
-    `film` has the samples' places on the full film, (2, slots) in pixels. Except for the
-    box filter samples are added to `splats`, between `open_sums` and `close_sums`. The
-    order of the sums of a pixel does not depend on how many samples are traced together.
+    `film` has the samples' positions on the full film, (2, slots) [pixels]. Unless the
+    filter is the box, samples are added to `splats`, between `open_sums` and `close_sums`.
+    The summation order in a pixel does not depend on how many samples are traced together.
     """
     square_sums(rfilter.squares, radiance, tile.level)
-    if rfilter.weights.size == 0:  # the box
+    if rfilter.weights.size == 0:  # the box filter
         _add_to_own_pixels(tile, radiance, sums)
         return
     for later in range(1 << 2 * tile.level):
@@ -196,47 +196,47 @@ def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
             x, y = slot_pixel(place, 0)
             if x < tile.width and y < tile.height:
                 slot = pixel_slot(x, y, later, tile.level)
-                # its place in the sums, whose pixel 0 lies `border` before the tile
+                # position in the sums, whose pixel 0 lies `border` before the tile
                 px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
                 py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5
                 _add_one(rfilter, px, py, slot, radiance, sums, splats)
 
 
 # ------------------------------------------------------------------------------ develop
-# From the sums of a film's tiles to its picture: the sums, divided by their weights.
+# A tile's sums become pixels: each sum is divided by the sum of weights.
 
 
 class TileGrid(NamedTuple):
-    """How tiles lie over a window of the film."""
+    """The layout of tiles over a window of the film."""
 
     rows: int
     columns: int
-    beyond: int  # pixels that the first tiles begin above and left of the window
-    border: int  # pixels that a tile's sums hold beyond it on all sides
-    layers: int  # how many sums each tile has
+    beyond: int  # [pixels] by which the first tiles extend above and left of the window
+    border: int  # [pixels] by which a tile's sums extend beyond it on each side
+    layers: int  # number of sums per tile
 
 
 @entry_kernel
 def _develop_rows(lines, grid, picture, totals, first, end, to_x, to_y):
     """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
 
-    A row of the picture is added up line by line of the tiles, as they lie in memory: pixel
-    by pixel it took seven times as long.
+    Each row of the picture is added up in the memory order of the tiles' rows. Adding
+    pixel by pixel took seven times as long.
 
     Parameters
     ----------
     lines
-        (places * (channels + 1) * rows, columns) of all sums.
+        (places * (channels + 1) * rows, columns), the sums of all tiles.
     grid
-        How the tiles lie.
+        The layout of the tiles.
     picture
-        (height, width * channels).
+        (height, width * channels), the output.
     totals
-        (channels + 1, width of the window) to work in.
+        (channels + 1, width of the window), scratch.
     first, end
         Rows of the window.
     to_x, to_y
-        Where in the picture the window begins.
+        Position of the window in the picture [pixels].
     """
     channels, width, size = totals.shape[0] - 1, totals.shape[1], lines.shape[1]
     for y in range(first, end):
@@ -245,7 +245,7 @@ def _develop_rows(lines, grid, picture, totals, first, end, to_x, to_y):
                 store_one(totals, c, x, 0.0)
         row = y + grid.beyond
         below = min((row + grid.border) // TILE_SIZE, grid.rows - 1)
-        above = max((row - grid.border) // TILE_SIZE, 0)  # its border ends here
+        above = max((row - grid.border) // TILE_SIZE, 0)  # first tile row that covers row
         for layer in range(grid.layers):
             for j in range(above, below + 1):
                 for i in range(grid.columns):
@@ -275,7 +275,7 @@ def develop_rows(
 ) -> None:
     """Write rows first .. end - 1 of a picture (height, width, channels).
 
-    Layers are added in their order, and where borders overlap, so are tiles.
+    Layers are added in their order. Tiles are added too where their borders overlap.
     """
     height, width, channels = picture.shape
     _develop_rows(
@@ -291,7 +291,7 @@ def develop_rows(
 
 
 def compiled_development() -> Callable[..., None]:
-    """Return the compiled `_develop_rows`, to be called without Numba's dispatcher.
+    """Return the compiled `_develop_rows`, without Numba's dispatcher.
 
     The dispatcher looks up the type of each argument, which takes as long as developing a
     tile.
@@ -304,11 +304,11 @@ def compiled_development() -> Callable[..., None]:
 
 
 # ----------------------------------------------------------------------------- heat map
-# The picture of the work per pixel: five counters as AOVs, their sum as a colour.
+# The work per pixel: five counters as AOVs, and their sum as a colour.
 
-# Where the colours pass, as (L, a, b) of Oklab [Ottosson2020]: black, violet, red, orange,
-# pale yellow. L grows evenly along the way, so that equal steps of work are equal steps of
-# lightness and the picture survives a grey printer; every colour lies within sRGB.
+# The colour scale in Oklab (L, a, b) [Ottosson2020]: black, violet, red, orange, pale
+# yellow. L grows evenly, so equal steps of work are equal steps of lightness and the
+# picture survives a grey printer. Every colour lies within sRGB.
 CONTROL_POINTS = np.array(
     [
         [0.00, 0.000, 0.000],
@@ -318,7 +318,7 @@ CONTROL_POINTS = np.array(
         [0.96, -0.020, 0.070],
     ]
 )
-# Oklab to cone responses (their cube roots), and cone responses to linear sRGB
+# Oklab to the cube roots of cone responses, and cone responses to linear sRGB
 _ROOTS_FROM_OKLAB = np.array(
     [
         [1.0, 0.3963377774, 0.2158037573],
@@ -336,11 +336,11 @@ _SRGB_FROM_CONES = np.array(
 
 
 class HeatMap(NamedTuple):
-    """A picture of work."""
+    """A false-colour picture of work per pixel."""
 
     pixels: NDArray[np.float32]  # (H, W, 3) linear sRGB
     aovs: dict[str, NDArray[np.float32]]  # "work.nodes" and so on -> (H, W, 1)
-    brightest: float  # box and primitive tests per camera ray that the last colour means
+    brightest: float  # box and primitive tests per camera ray at the top of the scale
 
 
 def heat_colours(values: ArrayLike, brightest: float) -> NDArray[np.float32]:
@@ -349,13 +349,14 @@ def heat_colours(values: ArrayLike, brightest: float) -> NDArray[np.float32]:
     Parameters
     ----------
     values
-        Any shape; what lies above `brightest` has its colour.
+        Array of any shape. Values above `brightest` are clamped to it.
     brightest
-        The same number gives several pictures one scale. 0 makes everything black.
+        Pass the same number for several pictures to give them one scale. 0 makes
+        everything black.
 
     Returns
     -------
-    Linear sRGB, float32, of the shape of `values` with an axis of 3 more.
+    Linear sRGB, float32, with the shape of `values` and a last axis of 3.
     """
     scaled = np.asarray(values, np.float64) / brightest if brightest > 0.0 else 0.0
     place = np.clip(scaled + np.zeros(np.shape(values)), 0.0, 1.0)
@@ -366,7 +367,7 @@ def heat_colours(values: ArrayLike, brightest: float) -> NDArray[np.float32]:
 
 
 def heat_map(counts: NDArray[np.float32]) -> HeatMap:
-    """Return the picture of the counts (H, W, rows of the tally), means over the samples.
+    """Return the picture of the counts (H, W, tally rows), which are means over samples.
 
     The pixel with the most box and primitive tests gets the brightest colour.
     """

@@ -38,21 +38,21 @@ from renderer.plugins.bsdfs.kind import albedo_of, normal_of
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.numbers_and_warps import to_local, to_world
 
-# channels of `work.radiance` under `aov` and `depth`, all computed together
+# channels of `work.radiance` for `aov` and `depth`, all computed together
 DEPTH = 0
 POSITION = 1
 UV = 4
 GEO_NORMAL = 6
 SH_NORMAL = 9
 PRIM_INDEX = 12
-SHAPE_INDEX = 13  # counted from 1; 0 is a miss
+SHAPE_INDEX = 13  # counted from 1; 0 for a miss
 ALBEDO = 14
 CHANNELS = 17
 
 
 @kernel
 def _store(radiance, channel, slot, valid, value):
-    """Write one channel of 16 surface points to their pixels."""
+    """Write one channel of 16 surface points to their samples' slots."""
     for j in range(16):
         if lane(valid, j) != 0.0:
             radiance[channel, lane(slot, j)] = lane(value, j)
@@ -67,9 +67,9 @@ def _store3(radiance, channel, slot, valid, value):
 
 @kernel
 def _show_front(shapes, kind_of, kind, points, i, valid):
-    """Store the BSDFs of one kind on the visible sides of points; return their mask.
+    """Store the visible-side BSDFs of one kind at 16 points; return their mask.
 
-    A black back counts as the front, whose albedo it gets.
+    A black back side uses the BSDF of the front, and so its albedo.
     """
     seen_in_front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
@@ -84,7 +84,7 @@ def _show_front(shapes, kind_of, kind, points, i, valid):
 
 @method_kernel
 def show_albedo(bsdf, points, count, radiance):
-    """Write the albedo of the points whose BSDF is of one kind."""
+    """Write the albedo of the points with BSDFs of one kind."""
     for i in range(0, count, 16):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -97,7 +97,7 @@ def show_albedo(bsdf, points, count, radiance):
 
 @method_kernel
 def show_normal(bsdf, points, count, radiance):
-    """Write the normal of the points whose BSDF turns it (normal and bump maps)."""
+    """Write the perturbed shading normal of the points with normal or bump maps."""
     for i in range(0, count, 16):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -112,10 +112,10 @@ def show_normal(bsdf, points, count, radiance):
 
 @kernel
 def _show_bsdfs(scene, hits, order, points, count, radiance):
-    """Write k_d of all points, and the normals that BSDFs turn.
+    """Write the albedo k_d of all points, and the shading normals that BSDFs perturb.
 
-    Mirrors and glass have no k_d and stay black. So do black backs, if the albedo of the
-    front depends on the direction of view.
+    Delta BSDFs have no k_d and stay black. A black back side stays black too if the
+    albedo of its front depends on the direction of view.
     """
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
@@ -142,7 +142,7 @@ def _show_bsdfs(scene, hits, order, points, count, radiance):
 
 @kernel
 def _shape_number(placements, hits, order, i, numbers, shape, mask):
-    """Return the place in the file, from 1, of shapes or of the instances around them."""
+    """Return the index in the file, from 1, of shapes or of the instances around them."""
     number = gather_row(numbers, 0, shape, mask)
     if placements.group.size == 0:
         return number
@@ -167,7 +167,7 @@ def trace_first_hits(scene, tile, sample, work):
         slot = load_row(points.slot, 0, i)
         shape = load_row(points.shape, 0, i)
         prim = load_row(points.prim, 0, i)
-        # Mitsuba's rectangle is two triangles: the far half is face 1
+        # Mitsuba splits its rectangle into two triangles; the far half is face 1
         beyond = load_row(points.uv, 0, i) + load_row(points.uv, 1, i) > 1.0
         face = gather_row(scene.primitives.face, 0, prim, mask)
         face = select(face == HALVES, select(beyond, splat_i32(1), splat_i32(0)), face)

@@ -1,4 +1,4 @@
-"""Stage 2, intersection: the nearest hit among all groups of primitives, and visibility."""
+"""Stage 2, intersection: the nearest hit over all primitive groups, and visibility."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from renderer.kernels.records.kernel_scene import (
 
 @kernel
 def reset_hits(hits, first, count):
-    """Let `count` rays reach to infinity and have hit nothing."""
+    """Set `count` rays to an infinite t_max and no hit."""
     for i in range(first, first + count, 16):
         store_row(hits.t, 0, i, splat_f32(np.float32(np.inf)))
         store_row(hits.prim, 0, i, splat_i32(-1))
@@ -41,9 +41,9 @@ def reset_hits(hits, first, count):
 
 @kernel
 def intersect(groups, rays, hits, first, count, coherent, tally):
-    """Find the nearest hit of `count` rays; `hits.t` holds their ends before.
+    """Find the nearest hits of `count` rays; `hits.t` holds each ray's t_max on entry.
 
-    The work that it takes is added to `tally`; None counts nothing.
+    The traversal counters are added to `tally`, unless it is None.
     """
     way = CLOSEST_COHERENT if coherent else CLOSEST
     for k in range(groups.shape[0]):
@@ -52,7 +52,7 @@ def intersect(groups, rays, hits, first, count, coherent, tally):
 
 @entry_kernel
 def nearest_hits(groups, work, count):
-    """Find the nearest hits of the first `count` of `work.rays`, at any distance."""
+    """Find the nearest hits of the first `count` of `work.rays`, without a t_max."""
     first = np.int64(0)
     reset_hits(work.hits, first, count)
     intersect(groups, work.rays, work.hits, first, count, False, None)
@@ -60,9 +60,9 @@ def nearest_hits(groups, work, count):
 
 @kernel
 def camera_hits(scene, tile, sample, work):
-    """Trace the camera rays of a tile's squares; return how many there are.
+    """Trace the camera rays of a tile's squares; return the number of rays.
 
-    Those of a square are neighbours and go together.
+    The squares are adjacent, and their rays are traced together.
     """
     count = np.int64(0)
     for number in range(tile.square, tile.square + tile.squares):
@@ -77,7 +77,7 @@ def camera_hits(scene, tile, sample, work):
 
 @kernel
 def trace_shadow_rays(groups, shadow_rays, count, coherent, radiance):
-    """Add to each pixel what its unblocked shadow rays carry."""
+    """Add the radiance of the unoccluded shadow rays to their pixels."""
     for i in range(0, count, 16):
         store_row(shadow_rays.blocked, 0, i, splat_i32(0))
     way = ANY_COHERENT if coherent else ANY_SINGLE
@@ -90,7 +90,7 @@ def trace_shadow_rays(groups, shadow_rays, count, coherent, radiance):
         lit = (load_row(shadow_rays.blocked, 0, i) == 0) & first_lanes(count - i)
         append_row(shadow_rays.blocked, 0, free, lane_index() + i, lit)
         free += popcount(mask_bits(lit))
-    for k in range(free):  # one by one: two may be of the same pixel
+    for k in range(free):  # scalar: two rays may belong to the same pixel
         i = np.int64(load_one(shadow_rays.blocked, 0, k))
         slot = np.int64(load_one(shadow_rays.slot, 0, i))
         for c in range(3):

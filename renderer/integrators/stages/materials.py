@@ -1,4 +1,4 @@
-"""Stage 4, the material: hits are grouped by their kind of BSDF, parameters looked up."""
+"""Stage 4, materials: group the hits by kind of BSDF and look up its parameters."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from renderer.kernels.records.kernel_scene import FIRST_BSDF, RECORD
 
 @kernel
 def group_by_bsdf(scene, work, first, count):
-    """Fill `work.points`, grouped by kind of BSDF; `work.ends` says where groups end."""
+    """Fill `work.points`, grouped by kind of BSDF, and `work.ends`, the ends of groups."""
     list_by_bsdf(scene, work, first, count)
     prepare_bsdfs(scene, work)
 
 
 @kernel
 def list_by_bsdf(scene, work, first, count):
-    """Fill `work.points` with the surfaces of hits, and `work.ends`."""
+    """Fill `work.points` with surface points, without BSDF parameters, and `work.ends`."""
     bsdfs, ends, rays, hits = scene.bsdfs, work.ends, work.rays, work.hits
     order, points = work.order, work.points
     ends[0] = 0
     for kind in range(bsdfs.methods.shape[0]):
         ends[kind + 1] = ends[kind]
         if bsdfs.methods[kind, RECORD] == 0:
-            continue  # paths end there
+            continue  # a kind with no scattering: paths end there
         stage = FIRST_BSDF << kind
         ends[kind + 1] = append_hits(
             scene, rays, hits, first, count, stage, order, points, ends[kind]
@@ -41,7 +41,7 @@ def list_by_bsdf(scene, work, first, count):
 
 @kernel
 def prepare_bsdfs(scene, work):
-    """Give the points that are grouped the parameters of their BSDFs."""
+    """Load the BSDF parameters of the grouped points."""
     bsdfs, ends, hits = scene.bsdfs, work.ends, work.hits
     order, points = work.order, work.points
     for kind in range(bsdfs.methods.shape[0]):
@@ -52,7 +52,7 @@ def prepare_bsdfs(scene, work):
 
 @kernel
 def load_parameters(shapes, bsdfs, kind, points, start, stop):
-    """Find which BSDFs the points of a group show, and load their parameters."""
+    """Find the BSDF of each point of a group, and load its parameters."""
     for i in range(start, stop, 16):
         valid = first_lanes(stop - i)
         mine = show_bsdf(shapes, bsdfs.kind, kind, points, i, valid)
@@ -63,7 +63,7 @@ def load_parameters(shapes, bsdfs, kind, points, start, stop):
 
 @kernel
 def look_up_textures(bsdfs, kind, points, start, stop):
-    """Replace parameters that textures give."""
+    """Evaluate the textured parameters of the points of a group."""
     for k in range(bsdfs.look_ups.shape[0]):
         if bsdfs.look_ups[k, 0] != kind:
             continue

@@ -1,7 +1,7 @@
-"""Paths in participating media: free flight, collisions, and crossing boundaries.
+"""Participating media: free flight, collisions, and medium boundaries.
 
-A medium is one more way for a ray's flight to end. A ray that collides before its surface
-becomes a point of `MediaWork.collisions`, where a phase function stands for the BSDF.
+A ray that collides before it reaches its surface becomes a point in
+`MediaWork.collisions`. There a phase function takes the place of the BSDF.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from renderer.plugins.sampling.numbers_and_warps import (
 
 @kernel
 def begin_in_medium(media, work, count):
-    """Set the state of `count` paths at the camera."""
+    """Set the medium state of `count` camera paths."""
     rays, state = work.rays, work.media
     for k in range(count):
         slot = rays.slot[k]
@@ -60,9 +60,9 @@ def begin_in_medium(media, work, count):
 
 @kernel
 def medium_behind(media, shape, normal, direction, medium):
-    """Return the medium that a ray is in behind a surface, all as scalars.
+    """Return the medium of a ray that leaves a surface; all arguments are scalars.
 
-    As in Mitsuba the boundary that was crossed last decides, not a stack of them.
+    As in Mitsuba, the last boundary that was crossed decides; there is no stack of media.
     """
     if media.interior[shape] == NO_BOUNDARY:
         return medium
@@ -75,7 +75,7 @@ def medium_behind(media, shape, normal, direction, medium):
 
 @kernel
 def keep_rays(rays, hits, i, end, throughput, mask):
-    """Move rays i to i + 15 of the mask, with what they have hit, to `end`."""
+    """Move the masked rays of i to i + 15, with their hits, to index `end`."""
     origin, direction = load3(rays.origin, i), load3(rays.direction, i)
     previous = load3(rays.previous, i)
     append3(rays.origin, end, origin, mask)
@@ -108,9 +108,9 @@ def append_collisions(
 
 @kernel
 def append_scattered(rays, end, points, i, direction, throughput, pdf, mask):
-    """Append the rays that leave collisions i to i + 15; return the new end.
+    """Append the rays scattered at collisions i to i + 15; return the new end.
 
-    They start at the collision itself: there is no surface to stay clear of.
+    A ray starts at the collision itself; there is no surface to offset it from.
     """
     position = load3(points.position, i)
     append3(rays.origin, end, position, mask)
@@ -127,10 +127,10 @@ def append_scattered(rays, end, points, i, direction, throughput, pdf, mask):
 
 @kernel
 def fly(scene, tile, sample, step, work, count, lamps):
-    """Let `count` rays fly; return how many reach their surface, and how many collide.
+    """Sample the free flight of `count` rays; return the numbers of hits and collisions.
 
-    The former are compacted in place, in their order. With `lamps` light samples of
-    collisions have weights, as others are taken next to lamps.
+    Rays that reach their surface are compacted in place, in order. With `lamps`, light
+    samples at collisions get MIS weights against the equiangular samples near lamps.
     """
     media, state = scene.media, work.media
     rays, hits, points = work.rays, work.hits, state.collisions
@@ -165,7 +165,7 @@ def fly(scene, tile, sample, step, work, count, lamps):
                 medium,
                 origin,
                 direction,
-                # media go on behind the camera's far plane
+                # a medium continues behind the camera's far plane
                 select(missed, splat_f32(np.float32(np.inf)), load_row(hits.t, 0, i)),
                 load_row(numbers, 0, i),
                 load_row(numbers, 1, i),
@@ -193,7 +193,7 @@ def fly(scene, tile, sample, step, work, count, lamps):
                 collided,
             )
             stays = stays & ~flight.collided & alive
-        if hides:  # the camera does not see the environment, through media either
+        if hides:  # a hidden environment is hidden through media too
             stays = stays & (~missed | (depth > 0))
         keep_rays(rays, hits, i, kept, throughput, stays)
         kept += popcount(mask_bits(stays))
@@ -202,7 +202,7 @@ def fly(scene, tile, sample, step, work, count, lamps):
 
 @kernel
 def scatter_collisions(scene, tile, sample, step, work, collisions, end):
-    """Send paths on from their collisions; append their rays and return the new end."""
+    """Sample the phase functions at collisions, append the rays and return the new end."""
     media, state, rays = scene.media, work.media, work.rays
     points, numbers = state.collisions, work.numbers
     call(
@@ -242,9 +242,9 @@ def scatter_collisions(scene, tile, sample, step, work, collisions, end):
 
 @kernel
 def hide_lamps(scene, work, count, in_media):
-    """Find anew what rays meet that come straight from the camera, but for area lights.
+    """Trace the unscattered camera rays again, without area lights.
 
-    `in_media`: also what those meet that are in a medium.
+    With `in_media` that includes the rays that are inside a medium.
     """
     rays, hits, depth, medium = work.rays, work.hits, work.media.depth, work.media.medium
     first = np.int64(0)
@@ -265,12 +265,12 @@ def hide_lamps(scene, work, count, in_media):
 
 @kernel
 def leave_surfaces(scene, work, count, last):
-    """Go on from surfaces: through boundaries into media; return how many rays do.
+    """Continue the scattered rays, updating their medium; return how many continue.
 
     `last` is the depth of the last segment.
 
-    What goes straight on is still the path's last event: its density, its place and its
-    depth stay.
+    Passing straight through is no scattering event: the path keeps the pdf, the previous
+    position and the depth of its last event.
     """
     media, state, rays, points = scene.media, work.media, work.rays, work.points
     kept = np.int64(0)

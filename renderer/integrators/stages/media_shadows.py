@@ -1,7 +1,7 @@
-"""Direct light in participating media: shadow rays are attenuated, not only blocked.
+"""Direct light in participating media: shadow rays are attenuated as well as blocked.
 
-A shadow ray goes on through surfaces that let light straight through, and loses what the
-media on its way absorb and scatter.
+A shadow ray continues through surfaces that transmit light undeflected, and is multiplied
+by the transmittance of the media on its way.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ from renderer.plugins.media.free_flight import noise_of, transmittance
 from renderer.plugins.media.phase_functions import eval_phase
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, ON_THE_WAY
 
-MOST_SURFACES = 1 << 16  # that one shadow ray goes through
+MOST_SURFACES = 1 << 16  # limit for one shadow ray
 
 
 @method_kernel
 def let_through(bsdf, points, start, stop):
-    """Multiply the throughput of points by what one kind of BSDF lets straight through."""
+    """Multiply the points' throughput by the straight transmission of one kind of BSDF."""
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -73,7 +73,7 @@ def let_through(bsdf, points, start, stop):
 
 @kernel
 def _start(scene, work, cast, at_surfaces):
-    """Make a ray of each shadow ray; return how many there are."""
+    """Copy the shadow rays to rays that can pass surfaces; return their number."""
     media, state, shadow = scene.media, work.media, work.shadow_rays
     rays, last = state.rays, scene.settings.max_depth - 1
     count = np.int64(0)
@@ -102,7 +102,7 @@ def _start(scene, work, cast, at_surfaces):
 
 @kernel
 def _attenuate(scene, work, numbers, count):
-    """Multiply the rays' throughput by the transmittance up to what they have hit."""
+    """Multiply the rays' throughput by the transmittance up to their hits."""
     media, state = scene.media, work.media
     rays, hits = state.rays, state.hits
     for i in range(0, count, 16):
@@ -126,7 +126,7 @@ def _attenuate(scene, work, numbers, count):
 
 @kernel
 def _arrive(work, count):
-    """Add what the rays carry that nothing is in the way of."""
+    """Add the radiance of the rays that reach their light without a hit."""
     rays, hits, radiance = work.media.rays, work.media.hits, work.radiance
     for k in range(count):
         if hits.prim[k] < 0:
@@ -136,7 +136,7 @@ def _arrive(work, count):
 
 @kernel
 def pass_surfaces(scene, walk, count):
-    """Go on behind surfaces that let light through; return how many rays do."""
+    """Continue the rays behind surfaces that transmit light; return how many continue."""
     bsdfs, media, state = scene.bsdfs, scene.media, walk.media
     rays, hits, points = walk.rays, walk.hits, walk.points
     order, ends = walk.order, walk.ends
@@ -163,8 +163,8 @@ def pass_surfaces(scene, walk, count):
             )
     for i in range(total):
         k = rays.point[order[i]]
-        order[i] = k  # the shadow ray's number, in place of the ray's
-        if points.bsdf[i] < 0:  # the hit stands in the list of another kind, too
+        order[i] = k  # index of the shadow ray instead of the ray
+        if points.bsdf[i] < 0:  # the hit is in the list of another kind as well
             continue
         state.rest[k] -= points.t[i]
         state.inside[k] = medium_behind(
@@ -191,7 +191,7 @@ def pass_surfaces(scene, walk, count):
 
 @kernel
 def _trace(scene, tile, sample, block, work, cast, at_surfaces):
-    """Add what `cast` shadow rays carry to the light; `block` is of random numbers."""
+    """Add the radiance of `cast` shadow rays; `block` selects their random numbers."""
     state = work.media
     rays, hits = state.rays, state.hits
     walk = with_rays_and_points(work, rays, hits, state.points, state.order, state.ends)
@@ -213,12 +213,12 @@ def _trace(scene, tile, sample, block, work, cast, at_surfaces):
         count = pass_surfaces(scene, walk, count)
 
 
-# ------------------------------------------------------------------- points that are lit
+# -------------------------------------------------------------------------- lit points
 
 
 @kernel
 def keep_surfaces(work, count):
-    """Keep the shapes and normals of the first `count` points, by slot."""
+    """Keep the shapes and normals of the first `count` points, indexed by slot."""
     state, points = work.media, work.points
     for i in range(count):
         slot = points.slot[i]
@@ -241,9 +241,9 @@ def light_surfaces(scene, tile, sample, step, work):
 
 @kernel
 def cast_from_collisions(scene, work, count, lamps=None):
-    """Append what the sampled lights would contribute to `work.shadow_rays`.
+    """Append the contributions of light samples at collisions to `work.shadow_rays`.
 
-    With `lamps` the points have weights, in `pdf`.
+    With `lamps`, `points.pdf` holds the MIS weights that are not in the throughput yet.
     """
     media, settings, points = scene.media, scene.settings, work.media.collisions
     shadow_rays, samples = work.shadow_rays, work.light_samples
@@ -273,9 +273,9 @@ def cast_from_collisions(scene, work, count, lamps=None):
 
 @kernel
 def light_collisions(scene, tile, sample, step, work, count, turn, lamps):
-    """Add the direct light at the collisions of paths with media.
+    """Add the direct light at collisions.
 
-    `turn` is 0 for those of free flight, 1 for those next to lamps.
+    `turn` is 0 for collisions of free flight, 1 for equiangular points near lamps.
     """
     if count == 0 or not samples_lights(scene):
         return

@@ -1,10 +1,11 @@
-"""Direct light in fog at a second place of a segment, where lamps nearby light it most.
+"""Direct light in fog at an equiangular point of each segment that passes near a lamp.
 
-A free flight collides by where the fog is. Collisions close to a small lamp are rare and
-bright, which is noise. So a segment that passes a lamp gets one more point, by equiangular
-sampling. There and at the collision a light sample is taken, each weighed by the balance
-heuristic over the distance t [Veach1997, section 9.2]: throughput T sigma_s / (p_flight +
-p_equiangular). The path itself goes on from its collision, unweighed.
+Free flight samples collisions by the density of the fog. Collisions close to a small lamp
+are then rare and bright, which is noise. So a segment that passes a lamp gets one more
+point by equiangular sampling. A light sample is taken there and at the collision. The
+balance heuristic over the distance t [Veach1997, section 9.2] weights each with the
+throughput T sigma_s / (p_flight + p_equiangular). The path itself continues from its
+collision without this weight.
 """
 
 from __future__ import annotations
@@ -33,15 +34,16 @@ from renderer.plugins.media.equiangular import (
 from renderer.plugins.media.free_flight import albedo_at, attenuated_sigma_t, mean
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-# Blocks of a bounce: 2 draws the lights of collisions, 3 those of these points (`turn` 1)
+# Blocks of a bounce: 2 draws the lights of collisions, 3 those of these points (`turn` 1),
+# and this one draws the distance
 _PLACE = 4
 
 
 @kernel
 def light_near_lamps(scene, tile, sample, step, work, count, lamps):
-    """Add the direct light at one more point of those of `count` segments that pass lamps.
+    """Add the direct light at equiangular points of those of `count` segments near lamps.
 
-    The points are in the record of the collisions, which replace them afterwards.
+    The points are stored in `work.media.collisions`, before the collisions themselves.
     """
     found = _choose_segments(scene, work, count, lamps)
     if found == 0:
@@ -72,9 +74,9 @@ def light_near_lamps(scene, tile, sample, step, work, count, lamps):
 
 @kernel
 def _choose_segments(scene, work, count, lamps):
-    """Append the segments that pass lamps in fog to the collisions; return how many.
+    """Append the segments in fog that pass near lamps to the collisions; return how many.
 
-    Each at the ray's origin; `t` is where the segment ends, `prim` the number of the ray.
+    `position` is the ray's origin, `t` the end of the segment and `prim` the ray's index.
     """
     media, state = scene.media, work.media
     rays, hits, points = work.rays, work.hits, state.collisions
@@ -87,7 +89,7 @@ def _choose_segments(scene, work, count, lamps):
         depth = gather_row(state.depth, 0, slot, valid)
         inside = valid & (medium >= 0) & (depth < np.int32(last))
         missed, t = load_row(hits.prim, 0, i) < 0, load_row(hits.t, 0, i)
-        # the end that `fly` uses, or the two weights of a place would not add up to 1
+        # the same end as in `fly`, or the two MIS weights would not sum to 1
         end = select(missed, splat_f32(np.float32(np.inf)), t)
         end = segment_end(media, medium, end, inside)
         inside = inside & (end > 0.0)

@@ -1,7 +1,7 @@
-"""Stage 6, scattering: the path goes on in a direction that its BSDF chooses.
+"""Stage 6, scattering: sample the BSDF and append the next ray of each path.
 
-One stage for all kinds of BSDF: it owns frame, Russian roulette and appending, and is
-compiled once for each kind, around the kind's own formulas.
+The local frame, Russian roulette and compaction are the same for all BSDFs. The stage is
+compiled once for each kind of BSDF, with the formulas of that kind.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
-MOST_SURVIVAL = np.float32(0.95)  # a path never survives roulette for certain
+MOST_SURVIVAL = np.float32(0.95)  # upper bound of the survival probability
 
 
 @kernel
@@ -44,10 +44,11 @@ def largest(color):
 
 @kernel
 def survive(settings, depth, throughput, eta, number, alive):
-    """Play Russian roulette; return which paths survive, and their raised throughput.
+    """Play Russian roulette; return the surviving lanes and the compensated throughput.
 
-    The survival probability undoes the eta^2 that radiance loses on entering glass, as
-    it will be gained again on leaving. Before `roulette_depth` dim paths alone may end.
+    The factor eta^2 in the survival probability cancels the loss of radiance on entering
+    glass, which is regained on leaving. Before `roulette_depth` only paths below `path.DIM`
+    may end.
     """
     if depth < settings.dim_depth:
         return alive, throughput
@@ -75,12 +76,12 @@ def append_rays(rays, end, points, i, direction, throughput, pdf, eta, lobe, ali
 
 @method_kernel
 def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end):
-    """Send paths on from the points start .. stop - 1 of one kind; return the new end."""
+    """Sample the BSDFs at points start .. stop - 1 of one kind; return the new end."""
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        # the BSDF chooses a direction, in the local frame
+        # BSDF sample, in the local frame
         frame, wo = local_wo(bsdf, points, i)
         drawn = Numbers(
             load_row(numbers, 0, i),
@@ -91,10 +92,10 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         parameters = parameters_at(bsdf.form, points, i)
         chosen = sample_bsdf(parameters, wo, drawn)
 
-        # throughput, and which paths go on
+        # throughput and roulette
         throughput = load3(points.throughput, i) * chosen.weight
         eta = load_row(points.eta, 0, i) * chosen.eta
-        # of images reflectances may be negative: a path ends at 0 alone, as in Mitsuba
+        # images may give negative reflectances; as in Mitsuba only 0 ends a path
         alive = mine & (chosen.pdf > 0.0) & (fabs(largest(throughput)) > 0.0)
         alive, throughput = survive(
             settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive
@@ -103,7 +104,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         # the next ray
         direction = world_direction(bsdf, frame, chosen.wi)
         lobe = lobe_of(chosen)
-        pdf = select(lobe == SMOOTH, chosen.pdf, 0.0)  # no light sample meets the others
+        pdf = select(lobe == SMOOTH, chosen.pdf, 0.0)  # pdf 0 marks a delta lobe: no MIS
         end = append_rays(
             rays, end, points, i, direction, throughput, pdf, eta, lobe, alive
         )
@@ -112,14 +113,14 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
 
 @kernel
 def scatter(scene, tile, sample, bounce, work):
-    """Send the paths on from their surface points; return how many go on."""
+    """Sample the BSDFs at the surface points; return how many paths continue."""
     block = 1 + bounce * BLOCKS_PER_BOUNCE
     return scatter_by(scene, tile, sample, block, bounce, work)
 
 
 @kernel
 def scatter_by(scene, tile, sample, block, bounce, work):
-    """Send the paths on by the random numbers of `block`; at bounce -1 all survive."""
+    """Do so with the random numbers of `block`; bounce -1 plays no roulette."""
     methods, points, ends = scene.bsdfs.methods, work.points, work.ends
     kinds = methods.shape[0]
     call(

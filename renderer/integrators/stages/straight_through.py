@@ -1,10 +1,11 @@
-"""Samples that have met nothing but holes: in Mitsuba's `path` they count for nothing.
+"""Samples that pass through holes only: Mitsuba's `path` makes them black.
 
-A ray goes straight on through `null`, `thindielectric` and the holes of a `mask`. If a path
-has done no more than that when it ends, at no lamp, and if there is no environment or
-`hide_emitters` hides it, then its sample is transparent, and black: through the holes of a
-leaf the sky is hidden as it is behind the leaf. Light that was sampled at the rim of a hole
-is lost with it, as in Mitsuba. `direct` and `whitted` have no such rule.
+A ray passes undeflected through `null`, `thindielectric` and the holes of a `mask`. A
+sample is transparent, and black, if its path has only done so when it ends without hitting
+a lamp, and if there is no environment or `hide_emitters` hides it. With a hidden sky a
+hole in a leaf is as black as the sky around the leaf. Light sampled at the blurred rim
+of a hole is lost with the sample, as in Mitsuba. `direct` and `whitted` have no such
+rule.
 
 Where Russian roulette or a black tint ends the path at the hole itself, the light sampled
 there stays.
@@ -20,7 +21,7 @@ from renderer.plugins.bsdfs.kind import STRAIGHT
 
 @kernel
 def keep_marks(rays, count):
-    """Let those paths alone be marked that have gone straight on since the camera."""
+    """Unmark the paths that have scattered; only paths through holes stay marked."""
     for k in range(count):
         if rays.lobe[k] != STRAIGHT:
             rays.met[rays.slot[k]] &= ~HOLES_ALONE
@@ -28,7 +29,7 @@ def keep_marks(rays, count):
 
 @kernel
 def drop_transparent(scene, work, count, last):
-    """Blacken the samples of marked paths that end here; `last`: also those that hit."""
+    """Blacken the marked samples whose paths end here; with `last`, at surfaces too."""
     rays, hits, radiance = work.rays, work.hits, work.radiance
     for k in range(count):
         if rays.met[rays.slot[k]] & HOLES_ALONE == 0:

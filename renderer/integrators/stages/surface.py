@@ -62,7 +62,7 @@ from renderer.plugins.shapes.uv import uv_derivatives
 
 @kernel
 def show_bsdf(shapes, kind_of, kind, points, i, valid):
-    """Store the visible BSDFs of points i to i + 15 that are of one kind; return a mask."""
+    """Store the visible-side BSDFs of one kind at points i to i + 15; return their mask."""
     front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
     ahead = gather_row(shapes.front, 0, shape, valid)
@@ -80,7 +80,7 @@ def load_constants(bsdfs, kind, points, i, mask):
     bsdf = load_row(points.bsdf, 0, i)
     for row in range(0, bsdfs.rows[kind], 4):
         a, b, c, d = gather_columns(bsdfs.values, row, bsdf, mask)
-        # 0 elsewhere: a parameter of another kind of BSDF may be an index
+        # 0 in other lanes, where the parameter may be an index of another kind of BSDF
         store_row(points.parameters, row, i, select(mask, a, 0.0))
         store_row(points.parameters, row + 1, i, select(mask, b, 0.0))
         store_row(points.parameters, row + 2, i, select(mask, c, 0.0))
@@ -91,11 +91,11 @@ def load_constants(bsdfs, kind, points, i, mask):
 def frame_at(bsdf, points, i):
     """Return the local frames of points i to i + 15 for one kind of BSDF.
 
-    If the kind reflects only, z is turned to the side that is seen.
+    If the kind only reflects, z points to the visible side.
     """
     normal = load3(points.shading_normal, i)
     s, t = tangents_of(bsdf.arithmetic, points, i, normal)
-    if bsdf.both_sides is None:  # known when it is compiled
+    if bsdf.both_sides is None:  # compile-time constant
         front = dot(load3(points.wo, i), normal) > 0.0
         return Frame(s, t, select3(front, normal, -normal))
     return Frame(s, t, normal)
@@ -106,10 +106,10 @@ def local_wo(bsdf, points, i):
     """Return the local frames of points i to i + 15, and wo in them.
 
     If all directions lie in the plane of wo and the normal (`BsdfKind.in_plane`), the frame
-    has one tangent, which is not of unit length: wo is 1 along it.
+    has one tangent. That tangent is not normalised: the component of wo along it is 1.
     """
     wo = load3(points.wo, i)
-    if bsdf.in_plane is None:  # known when it is compiled
+    if bsdf.in_plane is None:  # compile-time constant
         frame = frame_at(bsdf, points, i)
         return frame, to_local(frame, wo)
     normal = load3(points.shading_normal, i)
@@ -124,7 +124,7 @@ def local_wo(bsdf, points, i):
 
 @kernel
 def world_direction(bsdf, frame, local):
-    """Return a direction in the world from one in a frame of `local_wo`."""
+    """Return the world direction of a direction in a frame of `local_wo`."""
     if bsdf.in_plane is None:
         return to_world(bsdf.arithmetic, frame, local)
     return frame.s * local.x + frame.n * local.z
@@ -132,7 +132,7 @@ def world_direction(bsdf, frame, local):
 
 @kernel
 def leave_surface(points, i, direction):
-    """Return the origin of a ray that leaves points i to i + 15 in a direction."""
+    """Return the offset origin of a ray that leaves points i to i + 15 in a direction."""
     normal = load3(points.normal, i)
     offset = load_row(points.offset, 0, i)
     side = select(dot(direction, normal) < 0.0, -offset, offset)
@@ -140,12 +140,12 @@ def leave_surface(points, i, direction):
 
 
 # -------------------------------------------------------------------------- derivatives
-# Stage 4, bumps: dp/du and dp/dv of the points whose BSDFs use them.
+# Stage 4, bump maps: dp/du and dp/dv at the points whose BSDFs need them.
 
 
 @method_kernel
 def derive(shapes, placements, hits, order, points, row, start, stop):
-    """Store both derivatives of points start .. stop - 1 in six rows, if on such shapes."""
+    """Store dp/du and dp/dv of points start .. stop - 1 that are on one kind of shape."""
     for i in range(start, stop, 16):
         valid = first_lanes(stop - i)
         prim = load_row(points.prim, 0, i)
@@ -172,7 +172,7 @@ def derive(shapes, placements, hits, order, points, row, start, stop):
 
 @kernel
 def differentiate(scene, hits, order, kind, points, start, stop):
-    """Find both derivatives for the points of one kind of BSDF, if it uses them."""
+    """Compute dp/du and dp/dv for the points of one kind of BSDF that needs them."""
     bsdfs = scene.bsdfs
     for k in range(bsdfs.derived.shape[0]):
         if bsdfs.derived[k, 0] != kind:
@@ -194,10 +194,10 @@ def differentiate(scene, hits, order, kind, points, start, stop):
 
 
 # ---------------------------------------------------------------------------- placement
-# Stage 3 on instances: a surface point of the object goes to its place in the world.
+# Stage 3 for instances: transform surface points from object space to the world.
 #
-# Points by the instance's matrix A and translation a, normals by the inverse transpose of
-# A. A mirroring A turns no normal around, as in Mitsuba.
+# Points use the instance's matrix A and translation a, normals the inverse transpose of A.
+# As in Mitsuba, a mirroring A does not flip normals.
 
 
 class Place(NamedTuple):
@@ -206,12 +206,12 @@ class Place(NamedTuple):
     position: Any
     normal: Any  # geometric, unit
     shading_normal: Any  # unit
-    offset: Any  # rounding error of the position
+    offset: Any  # bound of the rounding error of the position along the normal
 
 
 @kernel
 def instance_of(placements, numbers, ray, valid):
-    """Return the instance ids of rays' hits, -1 for hits outside of instances."""
+    """Return the instance ids of the rays' hits, -1 for hits outside of instances."""
     if placements.group.size == 0:
         return splat_i32(-1)
     return select(valid, gather_row(numbers, 0, ray, valid), -1)
@@ -219,7 +219,7 @@ def instance_of(placements, numbers, ray, valid):
 
 @kernel
 def object_hit_point(placements, instance, origin, direction, t):
-    """Return p + t d, in the object's space where there is an instance."""
+    """Return p + t d, in object space for hits in an instance."""
     if placements.group.size == 0:
         return origin + direction * t
     inside = instance >= 0
@@ -231,13 +231,14 @@ def object_hit_point(placements, instance, origin, direction, t):
 
 @kernel
 def in_world(placements, instance, place):
-    """Return an object's surface point in the world.
+    """Return an object-space surface point in the world.
 
-    How far off a new ray must start: along the object's normal n, a step of 1 in the world
-    is a step of |A^-T n|. So what is uncertain along n in the object's space, its own
-    rounding and that of the next ray's way in, |n| . |A^-1| |x - a|, is divided by this;
-    the way out, x = A y + a, adds |A| |y| + |a| in the world. In units of the last place:
-    each of these is computed in at most 8 roundings, and new rays keep 64 away.
+    The offset of a new ray: a step of 1 along the world's normal is a step of |A^-T n|
+    along the object's normal n. So the uncertainty along n in object space is divided by
+    |A^-T n|. It is the rounding of the hit, and that of the next ray's transform into the
+    object, |n| . |A^-1| |x - a|. The transform to the world, x = A y + a, adds
+    |A| |y| + |a|. These are in units of the last place: each takes at most 8 roundings,
+    and new rays keep 64 away.
     """
     inside = instance >= 0
     if mask_bits(inside) == 0:
@@ -272,20 +273,20 @@ def tangent_in_world(placements, instance, tangent):
 
 
 # ------------------------------------------------------------------------------ surface
-# Stage 3, the surface at a hit: position, normals, uv, and how uncertain the position is.
+# Stage 3, the surface at a hit: position, normals, uv, and the rounding error of position.
 #
-# Each kind of shape has a kernel that computes its points (`plugins.shapes.surface`).
-# Here it is called for those hits of a batch that are on shapes of the kind. Then the
-# points on instances are transformed to the world.
+# Each kind of shape has a kernel that computes its points (`plugins.shapes.surface`). It
+# is called here for the hits of a batch on shapes of that kind. Then the points on
+# instances are transformed to the world.
 
 
 @kernel
 def append_hits(scene, rays, hits, first, count, stage, order, points, end):
     """Append the hits of `count` rays that need `stage` to `points`; return the new end.
 
-    The points get the state of their paths. Until `locate` replaces them, position is the
-    ray's origin and uv are the primitive's coordinates. `order` holds the ray of each
-    point. Packing the lanes here takes a third of the time of gathering them by `order`.
+    The points inherit the state of their paths. Until `locate` replaces them, position is
+    the ray's origin and uv are the primitive's coordinates. `order` holds the ray index of
+    each point. Compacting here takes a third of the time of gathering by `order`.
     """
     stages, shapes = scene.primitives.stages, scene.primitives.shape
     for i in range(first, first + count, 16):
@@ -312,7 +313,7 @@ def append_hits(scene, rays, hits, first, count, stage, order, points, end):
 
 @method_kernel
 def locate(surfaces, settings, shapes, placements, hits, order, count, points):
-    """Compute the surface of those of `count` points that are on one kind of shape."""
+    """Compute the surface at those of `count` points that are on one kind of shape."""
     for i in range(0, count, 16):
         valid = first_lanes(count - i)
         prim = load_row(points.prim, 0, i)
@@ -343,7 +344,7 @@ def locate(surfaces, settings, shapes, placements, hits, order, count, points):
 
 @kernel
 def _place(placements, settings, hits, order, count, points):
-    """Transform points on instances to the world; set the offset of new rays."""
+    """Transform points on instances to the world; set the ray offsets of all points."""
     per_rounding = np.float32(settings.rounding_offset)
     fixed = np.float32(settings.fixed_offset)
     for i in range(0, count, 16):
@@ -369,12 +370,12 @@ def _place(placements, settings, hits, order, count, points):
 
 
 class Previous(NamedTuple):
-    """The record of `keep_previous_points`; it holds nothing."""
+    """The record of `keep_previous_points`; it has no fields."""
 
 
 @method_kernel
 def keep_previous_points(_, placements, rays, hits, order, count, points):
-    """Keep the exact position that each path comes from."""
+    """Copy the exact previous position of each path to its point."""
     for i in range(count):
         for c in range(3):
             points.previous[c, i] = rays.previous[c, order[i]]
@@ -382,7 +383,7 @@ def keep_previous_points(_, placements, rays, hits, order, count, points):
 
 @kernel
 def surface_points(scene, rays, hits, order, count, points):
-    """Fill in the surfaces of the first `count` points that `append_hits` gave."""
+    """Compute the surfaces of the first `count` points that `append_hits` wrote."""
     kinds, after = scene.surfaces, scene.hooks
     placements, settings = scene.placements, scene.settings
     for k in range(kinds.shape[0]):

@@ -1,17 +1,17 @@
-"""Stage 5 where there are panes: light samples are refracted by them.
+"""Stage 5 with panes of glass: light samples are refracted by the panes.
 
-Glass blocks shadow rays. So a lamp behind a pane is found by BSDF samples alone, and a
-small lamp by few of them, with much noise. Here a light sample whose straight line crosses
-a pane gives the direction of a ray, which is traced and refracted at every pane that it
-hits. What it finds counts if it is the light that was sampled.
+Glass blocks shadow rays. Without this stage a lamp behind a pane is found by BSDF samples
+only, and a small lamp by few of them, with much noise. Here a light sample whose straight
+line crosses a pane gives the direction of a ray. That ray is traced and refracted at every
+pane that it hits. Its contribution counts if it reaches the light that was sampled.
 
-Both ways to find the light are weighed by multiple importance sampling [Veach1997, section
-9.2]. The density of a path x, panes, light is that of its direction at x times the
-probabilities of its refractions, which both have in common. So x and the direction
-determine the weight: the light is the first that the straight line from x meets if nothing
-but lights is there. The path of a BSDF sample keeps its weight while panes refract it. If
-it is reflected, or ends at another light, no light sample could have found that, and the
-weight is 1.
+BSDF samples and light samples are combined by multiple importance sampling [Veach1997,
+section 9.2]. The density of a path x, panes, light is the density of its direction at x
+times the probabilities of its refractions. Both techniques share the latter, so the weight
+depends on x and the direction only. The light is the first one on the straight line from x
+when all else is removed. The path of a BSDF sample keeps its weight while panes refract
+it. If it is reflected, or ends at another light, no light sample could have found it, and
+the weight is 1.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, ON_THE_WAY
 
-NO_ROULETTE = -1  # a bounce before the first: roulette begins at depth 1, or later
+NO_ROULETTE = -1  # a bounce before the first, at which roulette never begins
 
 
 @kernel
@@ -65,7 +65,7 @@ def _is_pane(scene, prim):
 
 @kernel
 def _light_of(scene, prim):
-    """Return the light that a ray meets, `SKY_AIM` for that of one that meets nothing."""
+    """Return the light of a hit primitive, or `SKY_AIM` for a miss."""
     return SKY_AIM if prim < 0 else scene.shapes.light[scene.primitives.shape[prim]]
 
 
@@ -75,19 +75,19 @@ def _is_refracted(points, i, direction):
     return dot(direction, normal) * dot(column(points.wo, i), normal) < 0.0
 
 
-# ----------------------------------------------------------------------- paths of BSDFs
+# -------------------------------------------------------------------- paths of BSDF samples
 
 
 @kernel
 def begin_paths(work, count):
-    """Let `count` camera rays have no light ahead."""
+    """Reset the aim of `count` camera rays to `NO_AIM`."""
     for k in range(count):
         work.panes.aim[work.rays.slot[k]] = NO_AIM
 
 
 @kernel
 def keep_aims(scene, work, count):
-    """Keep the lights ahead of those of `count` paths alone that a pane has refracted."""
+    """Reset the aim of those of `count` paths that no pane has just refracted."""
     rays, points, aim = work.rays, work.points, work.panes.aim
     for k in range(count):
         i = np.int64(rays.point[k])
@@ -99,7 +99,7 @@ def keep_aims(scene, work, count):
 
 @kernel
 def aim_paths(scene, work, count):
-    """Find the light ahead of paths that hit a pane after a smooth lobe, and its weight."""
+    """Find the aim and the MIS weight of paths that hit a pane after a smooth lobe."""
     rays, hits, state = work.rays, work.hits, work.panes
     ahead, found = state.rays, np.int64(0)
     for k in range(count):
@@ -122,10 +122,10 @@ def aim_paths(scene, work, count):
 
 @kernel
 def _find_densities(scene, work, count):
-    """Find the lights ahead of `work.panes.rays`, and the density of light samples.
+    """Find the first lights along `work.panes.rays`, and the light-sample densities.
 
-    `density[0]` is by ray, `density[1]` by surface point. It is 0 where a lamp does not
-    shine, and where nothing is ahead.
+    `density[0]` is indexed by ray, `density[1]` by surface point. It is 0 where a lamp does
+    not emit, and where there is no light on the ray.
     """
     lights, settings, state = scene.lights, scene.settings, work.panes
     rays, hits, points, order = state.rays, state.hits, state.points, state.order
@@ -163,7 +163,7 @@ def _find_densities(scene, work, count):
 
 @kernel
 def add_light_of_paths(scene, work, count, see_sky):
-    """Do as `add_emitted_light`, with the weights of light behind panes."""
+    """Add emission with MIS weights for light behind panes, as `add_emitted_light`."""
     rays, hits, state = work.rays, work.hits, work.panes
     weighed, kept = np.int64(0), state.rays.throughput
     for k in range(count):
@@ -186,7 +186,7 @@ def add_light_of_paths(scene, work, count, see_sky):
 
 @kernel
 def light_through_panes(scene, tile, sample, bounce, work):
-    """Do as `direct_light`, also through panes; one light is sampled at each point."""
+    """Add the direct light, also through panes; one light is sampled at each point."""
     count = work.ends[scene.bsdfs.smooth]
     if count == 0:
         return
@@ -215,7 +215,7 @@ def light_through_panes(scene, tile, sample, bounce, work):
 
 @kernel
 def _find_crossings(scene, work, count):
-    """Mark the points with a pane before their sampled light; return how many."""
+    """Mark the points with a pane between them and their light sample; return how many."""
     points, samples, state = work.points, work.light_samples, work.panes
     shadow, order, cast = work.shadow_rays, work.panes.order, np.int64(0)
     for i in range(0, count, 16):
@@ -249,7 +249,7 @@ def _find_crossings(scene, work, count):
 
 @kernel
 def _aim_samples(scene, work, cast):
-    """Make rays of the shadow rays whose end is the first light ahead; return how many."""
+    """Turn shadow rays into rays if their light is the first one; return how many."""
     shadow, state = work.shadow_rays, work.panes
     rays, hits = state.rays, state.hits
     for k in range(cast):
@@ -272,7 +272,7 @@ def _aim_samples(scene, work, cast):
 
 @kernel
 def _keep_ray(rays, k, count):
-    """Move ray k behind the first `count`, which are kept; return how many are then."""
+    """Move ray k to index `count`, behind the kept rays; return count + 1."""
     for c in range(3):
         rays.origin[c, count] = rays.origin[c, k]
         rays.direction[c, count] = rays.direction[c, k]
@@ -283,7 +283,7 @@ def _keep_ray(rays, k, count):
 
 @kernel
 def _trace(scene, tile, sample, bounce, work, count):
-    """Add the light that `count` rays of light samples find behind panes."""
+    """Trace `count` rays of light samples through panes; add the light they reach."""
     state = work.panes
     rays, hits, points = state.rays, state.hits, state.points
     walk = with_rays_and_points(work, rays, hits, points, state.order, state.ends)
@@ -310,7 +310,7 @@ def _trace(scene, tile, sample, bounce, work, count):
 
 @kernel
 def _add_aimed(scene, walk, count):
-    """Add the light of those of `count` rays that have hit the light of their sample."""
+    """Add the emission of the rays that have reached their sampled light."""
     rays, hits = walk.rays, walk.hits
     for k in range(count):
         if _light_of(scene, hits.prim[k]) != walk.panes.sampled[rays.slot[k]]:

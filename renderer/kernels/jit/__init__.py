@@ -1,11 +1,10 @@
-"""How kernels are compiled, kept, and called: Numba as this renderer uses it.
+"""Compiling, caching and calling kernels: how this renderer uses Numba.
 
-To write a kernel `kernel` is enough. What is behind it, a file each: the flags
-(`decorators`), the cache on disk (`cache`), how kernels are linked into one another
-(`linking`), records that kernels see through a pointer (`records`), tables
-that they gather columns from (`columns`), kernels that are called by their address, as
-methods of an object are (`methods`), and functions that are chosen by the record they
-work on (`interfaces`).
+`kernel` is all that is needed to write a kernel. Behind it are compiler flags
+(`decorators`), the cache on disk (`cache`), linking of kernels into one another
+(`linking`), records that kernels see through a pointer and tables that they gather columns
+from (`records`), functions selected by the type of a record, and kernels called by address
+like the methods of an object (both in `interfaces`).
 """
 
 from renderer.kernels.jit.cache import KERNEL_CACHE, with_neighbours

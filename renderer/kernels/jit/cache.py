@@ -1,4 +1,4 @@
-"""Compiled kernels on the disk: folders, files, checks; those that a wheel carries."""
+"""The cache of compiled kernels on disk: folders, files, checks, and kernels in a wheel."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ from renderer.process.cache_folder import cache_folder, cache_root
 from renderer.process.signals import put_off_interrupts
 from renderer.process.whole_file import write_whole
 
-# --------------------------------------------------------------------------- neighbours
-# The source files that a kernel is made of: its own, and those that it imports.
+# ------------------------------------------------------------------------ source files
+# The source files that a kernel depends on: its own, and those that it imports.
 
 PACKAGE = Path(__file__).parents[2]  # the renderer
 
 
 @functools.cache
 def file_digest(path: str) -> str:
-    """Return a short hash of a source file and of those that it imports from around it."""
+    """Return a short hash of a source file and of its imports by `with_neighbours`."""
     digests = b"".join(_read(file)[0] for file in with_neighbours(path))
     return hashlib.sha256(digests).hexdigest()[:16]
 
 
 def with_neighbours(path: str | Path) -> list[Path]:
-    """Return a source file and those that it imports from its folder or package, and so on.
+    """Return a source file and, recursively, what it imports from its folder or package.
 
-    A user's kernels may call others of his, in another file: its edit counts as well. The
-    renderer's own files are in the hash of all sources.
+    A user's kernel may call kernels in another file, so edits there count as well. The
+    renderer's own files are left out; the hash of all sources covers them.
     """
-    found: dict[Path, None] = {}  # in the order in which they were met
-    looked_at: set[Path] = set()  # thousands of imports, of a few modules
+    found: dict[Path, None] = {}  # in the order of discovery
+    looked_at: set[Path] = set()  # there are thousands of imports, but few modules
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
@@ -70,27 +70,27 @@ def with_neighbours(path: str | Path) -> list[Path]:
 
 
 def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Return a file's hash, and where modules may lie that it imports."""
+    """Return a file's hash, and possible paths of the modules that it imports."""
     state = file.stat()
     return _read_version(file, state.st_mtime_ns, state.st_size)
 
 
-@functools.cache  # forty files of this repository meet each other's imports
+@functools.cache  # forty files of this repository import one another
 def _read_version(file: Path, written: int, size: int) -> tuple[bytes, tuple[Path, ...]]:
     content = file.read_bytes()
     return hashlib.sha256(content).digest(), _imported_by(file, content)
 
 
 def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
-    """Return where modules may lie that a file imports, inside functions too.
+    """Return possible paths of the modules that a file imports, also inside functions.
 
-    The first name counts: of a package all files are taken.
+    Only the first part of a dotted name counts: of a package all files are taken.
     """
     try:
         tree = ast.parse(content)
     except SyntaxError:
-        return ()  # importing the file raises the same error
-    around = file.parent  # of a package: the folder in which its name is looked up
+        return ()  # importing the file will raise the same error
+    around = file.parent  # the folder that contains the outermost package
     while (around / "__init__.py").is_file():
         around = around.parent
     modules: dict[Path, None] = {}
@@ -100,7 +100,7 @@ def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
         if isinstance(statement, ast.Import):
             names = [alias.name for alias in statement.names]
         elif isinstance(statement, ast.ImportFrom):
-            # `from . import a`: a file, or a name in the package's own
+            # `from . import a`: a file, or a name in the package's `__init__`
             own = [alias.name for alias in statement.names] + ["__init__"]
             names = [statement.module] if statement.module else own
             if statement.level:
@@ -112,7 +112,7 @@ def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
 
 
 def _statements_of(block: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements in a module, function, branch, ..., and those within them.
+    """Yield the statements of a module, function, branch and so on, recursively.
 
     `ast.walk` would visit all expressions as well, ten times as many.
     """
@@ -123,32 +123,32 @@ def _statements_of(block: ast.AST) -> Iterator[ast.AST]:
 
 
 # ------------------------------------------------------------------------- used folders
-# Which programs use a folder of compiled kernels; a folder without any is removed.
+# The programs that use a folder of compiled kernels. A folder without any is removed.
 #
-# Kernels lie in a folder that is named by a hash of their sources. After an edit the same
-# program uses another folder, and the one before would stay for ever: 8,580 files, 240
-# MB, after one test run.
+# A folder of kernels is named by a hash of their sources. After an edit the same program
+# uses another folder, and the old one would stay forever: 8,580 files, 240 MB, after one
+# test run.
 
 _NAME = "used-by.json"
-_OURS = re.compile(r"(.+-)?[0-9a-f]{16}")  # names of folders of kernels end in a hash
+_OURS = re.compile(r"(.+-)?[0-9a-f]{16}")  # names of kernel folders end in a hash
 
 
 def use_folder(folder: Path, user: tuple[str, ...], others: Iterable[Path]) -> None:
-    """Note that `user` uses a folder, and remove others that have no user any more.
+    """Record that `user` uses a folder, and remove other folders without any user.
 
-    Nothing is raised if the disk is full or a folder is not ours: an old kernel does no
-    harm. Nothing is removed that is a link, has another kind of name than ours, or whose
-    note of its users is damaged.
+    Nothing is raised if the disk is full or a folder belongs to another user: an old kernel
+    does no harm. Links, folders with another kind of name, and folders with a damaged
+    record of users are never removed.
 
     Parameters
     ----------
     folder
-        What is used from now on; it is there.
+        The folder in use from now on; it exists.
     user
-        The paths that a program is known by, such as those of its sources.
+        Paths that identify a program, such as those of its sources.
     others
-        Folders that `user` may have used before. Their users are those that were noted and
-        whose paths all exist.
+        Folders that `user` may have used before. A recorded user counts if all its paths
+        still exist.
     """
     users = _users(folder)
     if user in users:
@@ -169,7 +169,7 @@ def use_folder(folder: Path, user: tuple[str, ...], others: Iterable[Path]) -> N
 
 
 def _users(folder: Path) -> list[tuple[str, ...]]:
-    """Return the noted users; none where the file is missing or damaged."""
+    """Return the recorded users; none if the file is missing or damaged."""
     try:
         found = json.loads((folder / _NAME).read_bytes())
         return [tuple(map(str, user)) for user in found if isinstance(user, list)]
@@ -186,17 +186,17 @@ def _note(folder: Path, users: list[tuple[str, ...]]) -> None:
 
 
 # ------------------------------------------------------------------------------ shipped
-# Kernels that a wheel carries, compiled for levels of x86-64 instead of one processor.
+# Kernels in a wheel, compiled for levels of x86-64 instead of for one processor.
 #
-# `build_wheel.py` makes them with Numba told to compile for a level by its environment.
-# Here nothing is told to Numba. A kernel that the user's cache lacks is looked for under
-# the name of the highest level that this processor has.
+# `build_wheel.py` makes them, with Numba's environment variables set to a level. At run
+# time these variables are not set. A kernel that is missing from the user's cache is
+# searched under the highest level that this processor supports.
 
 _V3 = (
     "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,"
     "+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
 )
-# LLVM's name of the processor -> its features, as NUMBA_CPU_FEATURES; the highest first
+# LLVM's processor name -> its features, as in NUMBA_CPU_FEATURES; highest level first
 LEVELS = {
     "x86-64-v4": f"{_V3},+avx512bw,+avx512cd,+avx512dq,+avx512f,+avx512vl",
     "x86-64-v3": _V3,
@@ -206,10 +206,10 @@ SHIPPED = PACKAGE / "kernels" / "compiled"
 
 @functools.cache
 def shipped_for_this_processor(sources: str) -> tuple[tuple[str, Path], ...]:
-    """Return (level, folder of its kernels) for each level that can be run here.
+    """Return (level, folder of its kernels) for each level that this processor supports.
 
-    `sources` is the hash of all that kernels are made of. There is none in a checkout, nor
-    where Numba was told to compile for another processor.
+    `sources` is the hash of all kernel sources. The result is empty in a checkout, and if
+    Numba was told to compile for another processor.
     """
     if config.CPU_NAME is not None or config.CPU_FEATURES is not None:
         return ()
@@ -230,20 +230,19 @@ def runs(level: str) -> bool:
 
 
 # -------------------------------------------------------------------------------- cache
-# Where compiled kernels are kept between runs, and what they are known by.
+# The cache of compiled kernels, and its keys.
 #
-# Numba's own cache looks only at the file that holds a function, by its path and time: an
-# edit in another file that the function calls would go unnoticed (Numba manual, "Notes on
-# Caching"), and a second clone would compile everything again. Here the folder is named
-# by a hash of all sources that kernels are made of, so that equal sources share their
-# kernels wherever they lie.
+# Numba's own cache checks only the path and time of the file that holds a function. It
+# would miss an edit in another file that the function calls (Numba manual, "Notes on
+# Caching"), and a second clone would compile everything again. Here the folder is named by
+# a hash of all kernel sources, so equal sources share their kernels wherever they are.
 
 try:
     import fcntl
-except ImportError:  # not on Windows: there, render one scene at a time for the first time
+except ImportError:  # not on Windows: there, compile new kernels in one process at a time
     fcntl = None  # type: ignore[assignment]
 
-# The folders whose files kernels are made of: all that is in them counts.
+# Folders of kernel sources: all files in them are hashed.
 KERNEL_FOLDERS = (
     "accelerators",
     "integrators",
@@ -277,9 +276,9 @@ def _is_kernel_source(source: str) -> bool:
     return any(PACKAGE / folder in Path(source).parents for folder in KERNEL_FOLDERS)
 
 
-@functools.cache  # the check makes a file
+@functools.cache  # the check creates a file
 def is_kept_in(folder: Path) -> bool:
-    """Return whether a folder of kernels can be used; older ones of this program go."""
+    """Return whether a folder of kernels can be used; remove this program's unused ones."""
     try:
         cache_folder("kernels")
         folder.mkdir(parents=True, exist_ok=True)
@@ -295,22 +294,22 @@ def is_kept_in(folder: Path) -> bool:
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
-    """The folder of one module's kernels, named by what it is and not by where it lies."""
+    """The cache folder of one module's kernels, named by content instead of by path."""
 
     def __init__(self, function: Any, source: str) -> None:
         self._py_file = source
         self._line = function.__code__.co_firstlineno
         module = function.__module__.replace(".", "_")
         if not _is_kernel_source(source):
-            # a user's or a test's own kernels, or one that no other file has a part in
+            # a user's or a test's kernels, or a file outside of the hash
             module = f"{module}-{file_digest(source)}"
         self._folder = KERNEL_CACHE / module
         self._source = source
 
     @classmethod
     def from_function(cls, function: Any, source: str) -> _ByContent | None:
-        """Return None for what has no source file, which then is not kept."""
-        # "<string>" would be looked for in the working directory
+        """Return None if there is no source file; the kernel is then not cached."""
+        # "<string>" would be resolved relative to the working directory
         if not (Path(source).is_absolute() and Path(source).is_file()):
             return None
         if not is_kept_in(KERNEL_CACHE) and not shipped_for_this_processor(_SOURCES):
@@ -319,7 +318,7 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
 
     def ensure_cache_path(self) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
-        if not _is_kernel_source(self._source):  # each edit of it has another folder
+        if not _is_kernel_source(self._source):  # each edit of it gets another folder
             module = self._folder.name.rpartition("-")[0]
             older = list(KERNEL_CACHE.glob(f"{glob.escape(module)}-*"))
             use_folder(self._folder, (self._source,), older)
@@ -328,37 +327,36 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        return ""  # the folder's name says it
+        return ""  # the folder's name includes the hash
 
     def get_disambiguator(self) -> str:
         return str(self._line)
 
 
-# what an index raises that names classes which this program lacks
+# raised by an index that names classes which this program lacks
 _FOREIGN = (ImportError, AttributeError)
-_CHECKSUM = 32  # bytes of SHA-256 in front of each file's content
+_CHECKSUM = 32  # bytes of SHA-256 before the content of each file
 
 
 class _Damaged(OSError):
-    """A file whose content is not what was written: Numba passes over what it cannot read.
+    """A file that differs from what was written; Numba treats an OSError as a cache miss.
 
-    A wrong byte of machine code would end the process, or give a wrong picture.
+    A wrong byte of machine code could crash the process, or give a wrong picture.
     """
 
 
 class _Index(IndexDataCacheFile):  # type: ignore[misc]
-    """Lets processes take turns when they save a kernel, and reads indices with care.
+    """A cache index with locking and checksums.
 
-    Numba reads an index, takes a file name that is free, and writes the index: two
-    processes at once would give one name to two kernels, and a later run would call the
-    wrong one. An index that names classes which this program lacks is taken as empty, but
-    never written over: it is in use by the program that has them. A damaged index or
-    kernel, as a full disk or a crash leaves it, is known by its checksum: the kernel is
-    compiled again and written anew.
+    Numba reads an index, takes a free file name, and writes the index. Two processes at
+    once would give one name to two kernels, and a later run would call the wrong one. So
+    processes take turns. A checksum detects an index or a kernel that is damaged, say by a
+    full disk or a crash; the kernel is then compiled and written again.
 
-    Reading an index imports the modules of all classes in it. So kernels that work on a
-    user's classes have an index of their own, which other runs do not read: they would
-    import the user's modules.
+    An index that names classes which this program lacks is read as empty but never
+    overwritten: the program that has these classes uses it. Reading an index imports the
+    modules of all its classes. So kernels on a user's classes have an index of their own,
+    which other runs do not read, and the user's modules are not imported there.
     """
 
     def __init__(self, folder: str, base: str, stamp: str) -> None:
@@ -366,7 +364,7 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
         self._base = base
 
     def _of_the_same_modules(self, key: Any) -> _Index:
-        """Return the index for the classes of a key's signature."""
+        """Return the index for the modules of the classes in a key's signature."""
         modules = {m for numba_type in key[0] for m in _modules_of(numba_type)}
         foreign = sorted(m for m in modules if not m.startswith(f"{PACKAGE.name}."))
         if not foreign:
@@ -406,7 +404,7 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
                 return
             except FileNotFoundError:
                 pass
-            except _Damaged:  # a name in a new index must not find the code of another
+            except _Damaged:  # a new index must not name another kernel's code
                 for kernel in Path(index._cache_path).glob(f"{glob.escape(index._base)}.*"):
                     kernel.unlink()
             super(_Index, index).save(key, data)
@@ -422,7 +420,7 @@ def _read_checked(path: Path) -> bytes:
 
 
 def _modules_of(numba_type: Any) -> Iterator[str]:
-    """Yield the modules of the named tuples in a type, through records as well."""
+    """Yield the modules of the named tuples in a type, also inside records."""
     inside = getattr(numba_type, "record", numba_type)
     if isinstance(inside, types.BaseNamedTuple):
         yield inside.instance_class.__module__
@@ -442,7 +440,7 @@ class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The kept variants of one kernel."""
+    """The cached variants of one kernel."""
 
     _impl_class = _Implementation
 
@@ -451,10 +449,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, "")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return a kept variant; None if there is none, or none that may be read."""
+        """Return a cached variant; None if there is none or it is unreadable."""
         for load, text in ((super().load_overload, EACH_TIME), (self._shipped, AGAIN)):
             try:
-                with put_off_interrupts():  # LLVM's objects must not stay half made
+                with put_off_interrupts():  # or LLVM's objects could be incomplete
                     found = load(sig, target_context)
             except OSError as error:
                 _warn_once(KERNEL_CACHE, error.strerror or str(error), text)
@@ -464,7 +462,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return None
 
     def _shipped(self, sig: Any, target_context: Any) -> Any:
-        """Return a variant from the wheel, where files lie as in the builder's cache."""
+        """Return a variant from the wheel, whose layout is that of the builder's cache."""
         codegen = target_context.codegen()
         signature, (triple, *_), code = self._index_key(sig, codegen)
         module = Path(self._cache_path).name
@@ -476,7 +474,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a variant; where the disk is full or not ours, go on without."""
+        """Save a variant; continue without if the disk is full or not writable."""
         try:
             super().save_overload(sig, data)
         except OSError as error:
@@ -491,12 +489,12 @@ _warned: set[str] = set()
 
 
 def all_are_kept() -> bool:
-    """Return whether each kernel that this process has compiled is in the cache."""
+    """Return whether the cache has every kernel that this process has compiled."""
     return EACH_TIME not in _warned
 
 
 def _warn_once(folder: Path, reason: str, text: str) -> None:
-    """Log a warning once a process, and not for each of a scene's hundred kernels."""
+    """Log a warning once per process, not for each of a scene's hundred kernels."""
     if text not in _warned:
         _warned.add(text)
         logging.getLogger("renderer").warning(text, folder, reason)
@@ -504,7 +502,7 @@ def _warn_once(folder: Path, reason: str, text: str) -> None:
 
 @contextmanager
 def _turn(folder: str) -> Iterator[None]:
-    """Wait for the folder's lock, where the system has locks."""
+    """Hold the folder's lock, if the system has file locks."""
     if fcntl is None:
         yield
         return
@@ -514,8 +512,8 @@ def _turn(folder: str) -> Iterator[None]:
 
 
 def keep(dispatcher: Any, function: Any) -> None:
-    """Let a dispatcher keep what it compiles, if its source can be told."""
+    """Enable the cache of a dispatcher, if its source file is known."""
     try:
         dispatcher._cache = KernelCache(function)
-    except RuntimeError:  # no locator: written at a prompt, or the folder is not writable
+    except RuntimeError:  # no locator: defined at a prompt, or the folder is not writable
         return

@@ -1,4 +1,4 @@
-"""The decorators of all kernels, and their one set of flags."""
+"""The decorators of all kernels, with one common set of compiler flags."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from renderer.errors import SceneError
 from renderer.kernels.jit.cache import keep
 from renderer.kernels.jit.linking import Compiler, LinkedCompiler, MachineCodeCompiler
 
-if numba.config.DISABLE_JIT:  # then kernels would be Python functions without lanes
+if numba.config.DISABLE_JIT:  # Python functions have no lanes
     raise SceneError("NUMBA_DISABLE_JIT is set; unset it: kernels are always compiled")
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
@@ -24,18 +24,18 @@ def _dispatcher(function: Any, compiler: type, **flags: bool) -> Any:
 
 
 def builder_kernel(function: Any) -> Any:
-    """Compile `function` as `entry_kernel` does, but let it allocate arrays."""
+    """Compile `function` as `entry_kernel` does, but allow it to allocate arrays."""
     return _dispatcher(function, Compiler, _nrt=True)
 
 
 def entry_kernel(function: Any) -> Any:
-    """Compile `function` for the inner loops, callable from Python.
+    """Compile `function` as a kernel that can be called from Python.
 
-    `nogil` lets the tile threads run side by side. `error_model="numpy"` makes a
-    division plain (otherwise each is a branch and an exception path: 1.44 s against
-    0.82 s on the Cornell box). No `fastmath`: the order of sums and the absence of fused
-    multiply-add (but in `lanes.mathematics.fused`, for tests with a margin) are part of
-    what makes images bit-identical. No reference counts: kernels allocate nothing, and
+    `nogil` lets tile threads run in parallel. `error_model="numpy"` makes divisions plain;
+    otherwise each is a branch and an exception path: 1.44 s against 0.82 s on the Cornell
+    box. There is no `fastmath`: images are bit-identical because the order of sums is
+    fixed and multiply-add is not fused (except in `multiply_add` of `lanes.mathematics`,
+    for tests with a margin). There is no reference counting: kernels allocate nothing, and
     counting a record's arrays at each call was a sixth of all compile time
     (docs/decisions/compile-time.md).
     """
@@ -43,29 +43,29 @@ def entry_kernel(function: Any) -> Any:
 
 
 def compiled_for(entry: Any, *arguments: Any) -> Any:
-    """Return an entry kernel as it is for arguments like these, with which it was called.
+    """Return the compiled entry kernel for arguments of these types.
 
-    A call of it takes 0.7 microseconds, one of the kernel 6.5 and more: Numba looks up the
-    type of each argument. Here types are not checked: arguments of other types are read as
-    if they had these.
+    A call takes 0.7 microseconds, instead of 6.5 and more through the kernel's dispatcher,
+    which looks up the type of each argument. Types are not checked: arguments of other
+    types are misread.
     """
     return entry.get_overload(tuple(map(numba.typeof, arguments)))
 
 
 def kernel(function: Any) -> Any:
-    """Compile `function` like `entry_kernel`, to be called by other kernels only.
+    """Compile `function` like `entry_kernel`, for calls from other kernels only.
 
-    Without the wrapper that unpacks Python's arguments: the wrappers of the scene's records
-    were two thirds of all compile time. A call from Python is a TypeError.
+    It has no wrapper that unpacks Python's arguments: the wrappers for the scene's records
+    were two thirds of all compile time. A call from Python raises a TypeError.
     """
     return _for_kernels(function, LinkedCompiler)
 
 
 def method_kernel(function: Any) -> Any:
-    """Compile `function` like `kernel`, into machine code of its own, see `methods`.
+    """Compile `function` like `kernel`, to separate machine code, see `interfaces`.
 
-    Its first parameter is the record that it belongs to. It is compiled once for each type
-    of that record, whatever other kinds of things a scene has.
+    Its first parameter is a record. It is compiled once per type of that record,
+    independently of the other plugins in a scene.
     """
     return _for_kernels(function, MachineCodeCompiler)
 
@@ -74,7 +74,7 @@ def _for_kernels(function: Any, compiler: type) -> Any:
     without = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     dispatcher = _dispatcher(function, compiler, **without)
 
-    # Numba would register the missing wrapper as a null pointer and jump to it
+    # Numba would register the missing wrapper as a null pointer and call it
     def add_overload(compiled: Any) -> None:
         dispatcher.overloads[tuple(compiled.signature.args)] = compiled
 
@@ -88,9 +88,9 @@ def _for_kernels(function: Any, compiler: type) -> Any:
 
 @intrinsic
 def always_inline(typingctx: Any) -> Any:
-    """Put the kernel that calls this into its callers, whatever LLVM thinks of its size.
+    """Inline the kernel that calls this into its callers, whatever LLVM's cost model says.
 
-    LLVM counts what two halves of a vector take on AVX2 as twice the instructions.
+    On AVX2 a 16-lane vector is two halves, which LLVM counts as twice the instructions.
     """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -102,10 +102,10 @@ def always_inline(typingctx: Any) -> Any:
 
 @intrinsic
 def never_inline(typingctx: Any) -> Any:
-    """Keep the kernel that calls this out of its callers: for rare cases in inner loops.
+    """Never inline the kernel that calls this: for rare cases in inner loops.
 
-    Inlined, the rare case takes the registers of the loop around it. So does a call that is
-    not known to be rare: 1.5 % of the time of a picture by brute force.
+    Inlined, a rare case takes registers from the loop around it. A call that LLVM does not
+    know to be rare costs registers too: 1.5 % of the time of a picture by brute force.
     """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Calls that are resolved by type when compiled, and calls by address at run time."""
+"""Calls resolved by type at compile time, and calls by address at run time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from renderer.kernels.jit.decorators import kernel
 from renderer.kernels.jit.records import Packed, record_class
 
 # --------------------------------------------------------------------------- interfaces
-# Functions with one name and several implementations, chosen when a kernel is compiled.
+# Functions with one name and several implementations, selected at compile time.
 #
 #     @interface
 #     def area_of(shape, index): "Return the area of a primitive."
@@ -27,29 +27,29 @@ from renderer.kernels.jit.records import Packed, record_class
 #     @kernel
 #     def _area_of_sphere(spheres, index): ...
 #
-# The choice goes by the class of the record that is the first argument: there is no
-# branch at run time, and an implementation without a caller is never compiled.
+# The class of the first argument, a record, selects the implementation. There is no branch
+# at run time, and an implementation without a caller is never compiled.
 
 
 def interface(declared: Callable[..., Any]) -> Any:
-    """Make a function that is implemented for records of several classes.
+    """Make a function that has one implementation per class of record.
 
     Parameters
     ----------
     declared
-        Gives the name, the parameters and the description; its body is never run.
+        Gives the name, the parameters and the docstring; its body is never run.
 
     Returns
     -------
     callable
-        To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, which is not given the record itself if `drop_first`; `has(cls)`
-        tells whether there is one.
+        For calls inside kernels. Its `by(*classes)` is a decorator that adds an
+        implementation; with `drop_first` that does not get the record as an argument.
+        `has(cls)` tells whether a class has an implementation.
     """
     parameters = inspect.signature(declared)
-    # of each class: the implementation, and how many arguments it is not given
+    # class -> implementation, and the number of leading arguments that it does not get
     implementations: dict[type, tuple[Any, int]] = {}
-    copies: dict[Any, Any] = {}  # of implementations, by the Numba type of the record
+    copies: dict[Any, Any] = {}  # of implementations, by Numba type of the record
 
     @functools.wraps(declared)
     def function(*args: Any, **kwargs: Any) -> None:
@@ -62,13 +62,13 @@ def interface(declared: Callable[..., Any]) -> Any:
             raise TypingError(f"{declared.__name__} exists for {known}, not for {first}")
         chosen, left_out = implementations[cls]
         if first not in copies and getattr(chosen, "is_compiling", False):
-            # A record within a record of its class, as a mask's in a mask. Numba would take
-            # it for a function that calls itself, and not link the inner one.
+            # Recursive types, such as a mask inside a mask: Numba would see a function
+            # that calls itself, and not link the inner one.
             copies[first] = kernel(chosen.py_func)
         return copies.get(first, chosen), left_out
 
     class Choice(AbstractTemplate):  # type: ignore[misc]  # Numba has no types
-        """Type a call as a call of the implementation: no function between the two."""
+        """Type a call as a call of the implementation itself."""
 
         key = function
 
@@ -105,13 +105,12 @@ def interface(declared: Callable[..., Any]) -> Any:
 
 
 # ------------------------------------------------------------------------------ methods
-# Kernels that are called by their address, as methods of an object are.
+# Kernels called by address, like the methods of an object.
 #
-# A scene is made of kinds (of BSDFs, lights, shapes, ...), each with kernels of its own.
-# What is common to all scenes calls these through addresses that lie in the scene's
-# tables: so it is compiled once, whatever kinds there are, and a new kind compiles
-# nothing but its own kernels. A call costs about 0.1 microseconds; a method works on a
-# whole batch of paths.
+# A scene has kinds of BSDFs, lights, shapes and so on, each with kernels of its own. The
+# stages call these through addresses in the scene's tables. So the stages are compiled
+# once for all scenes, and a new kind compiles only its own kernels. A call costs about
+# 0.1 microseconds; a method works on a whole batch of paths.
 #
 #     @method_kernel
 #     def closest_hit(table, rays, first, count): ...
@@ -119,14 +118,14 @@ def interface(declared: Callable[..., Any]) -> Any:
 #     method = compile_method(closest_hit, packed_table, rays_type, int64, int64)
 #     call(method.address, method.record, (rays, first, count))      # inside a kernel
 #
-# An address checks nothing: what a method is compiled for must be what it is called with.
-# `compile_method` is therefore given the very types (`rendering.tables` takes them from
-# the records themselves), and `call` refuses integers of any other kind than int64: of a
-# narrower one half the argument's register would be undefined.
+# A call by address checks nothing: the argument types must be those that the method was
+# compiled for. So `compile_method` gets the types of the records themselves
+# (`rendering.tables`), and `call` accepts no integers but int64: of a narrower one half
+# the argument's register would be undefined.
 
 
 class Method(NamedTuple):
-    """Machine code, and the record that it works on."""
+    """The address of machine code, and of the record that it works on."""
 
     address: int
     record: int
@@ -140,18 +139,18 @@ def compile_method(
     Parameters
     ----------
     dispatcher
-        Made by `method_kernel`.
+        Result of `method_kernel`.
     record
-        What its first parameter will be; must be kept alive as long as the method is used.
+        Its first argument; it must be kept alive as long as the method is used.
     *arguments
-        Numba types of the others.
+        Numba types of the other arguments.
     returns
-        Numba type of what it must return.
+        Numba type of the required result.
 
     Raises
     ------
     TypeError
-        If it returns something else: a caller would misread it.
+        If it returns another type, which a caller would misread.
     """
     signature = (record.numba_type, *arguments)
     compiled = dispatcher.overloads.get(signature)
@@ -168,7 +167,7 @@ def compile_method(
     return Method(address, record.address)
 
 
-_NUMBERS = (types.int64, types.float32, types.float64)  # that methods take
+_NUMBERS = (types.int64, types.float32, types.float64)  # accepted by methods
 
 
 def _caller(returns: Any) -> Any:

@@ -1,19 +1,18 @@
-"""How kernels become machine code: by libraries of our own, given to `numba.njit`.
+"""How kernels become machine code: code libraries of our own, passed to `numba.njit`.
 
-Numba optimises each function, turns it into machine code, and links its optimised form into
-every caller, where other callers might call it too, so that LLVM seldom inlines it. For
-kernels both differ:
+Numba optimises each function, compiles it to machine code, and links its optimised form
+into every caller. As other callers might exist, LLVM seldom inlines it. Kernels differ:
 
-- A kernel that only kernels call is kept as LLVM bitcode for its callers
-  (`LinkedCompiler`). It is optimised inside of them, and has no machine code of its own.
-- In a kernel that Python or an address leads to (`MachineCodeCompiler`) everything that was
-  linked into it is private, so that LLVM inlines each function that has one caller.
-  Without that kernels on meshes take 1.1 to 1.25 times as long: a call hands over records
-  field by field, up to 153 words on the stack.
+- A kernel that only kernels call is kept as LLVM bitcode (`LinkedCompiler`). It is
+  optimised inside its callers and has no machine code of its own.
+- In a kernel that is called from Python or by address (`MachineCodeCompiler`), all linked
+  functions are private, so LLVM inlines each function that has one caller. Without that,
+  kernels on meshes take 1.1 to 1.25 times as long: a call passes records field by field,
+  up to 153 words on the stack.
 
-Both are subclasses of Numba's classes, and a dispatcher is given the compiler class that it
-uses. So functions that are not kernels are compiled in Numba's own way. No interrupt falls
-into LLVM's work on a kernel.
+Both are subclasses of Numba's classes, and each dispatcher gets its compiler class. So
+functions that are not kernels are compiled in Numba's own way. Interrupts are put off while
+LLVM compiles a kernel.
 """
 
 from __future__ import annotations
@@ -32,36 +31,36 @@ from numba.core.runtime import rtsys
 
 from renderer.process.signals import put_off_interrupts
 
-_LINKED = "linked only"  # what the cache calls the bitcode of a kernel
+_LINKED = "linked only"  # the cache's name for the bitcode of a kernel
 
 
 class _Library(JITCodeLibrary):  # type: ignore[misc]  # Numba has no types
-    """The code of a kernel."""
+    """The code of a kernel, finalised without interrupts."""
 
     def _finalize_final_module(self) -> None:
-        """Let no interrupt fall where LLVM calls Python back.
+        """Finalise with interrupts put off, as LLVM calls Python back here.
 
-        ctypes prints and forgets a KeyboardInterrupt there, and LLVM goes on without the
-        code that it needed: one of 800 interrupts became a segmentation fault.
+        In a callback ctypes prints and drops a KeyboardInterrupt, and LLVM goes on without
+        the code that it needed: one of 800 interrupts became a segmentation fault.
         """
         with put_off_interrupts():
             super()._finalize_final_module()
 
 
 class _KernelLibrary(_Library):
-    """The code of a kernel that counts no references."""
+    """The code of a kernel without reference counting."""
 
     def add_linking_library(self, library: Any) -> None:
-        """Link everything but Numba's reference counting, which 400 kernels would copy."""
+        """Link all but Numba's reference counting, which 400 kernels would copy."""
         if library is not rtsys.library:
             super().add_linking_library(library)
 
 
 class _MachineCode(_KernelLibrary):
-    """The code of a kernel that is called from Python or by its address."""
+    """The code of a kernel that is called from Python or by address."""
 
     def _optimize_final_module(self) -> None:
-        """Make linked functions private, and leave out passes for reference counts."""
+        """Make linked functions private, and skip the reference-count passes."""
         for function in self._final_module.functions:
             linked = function.linkage == llvm.Linkage.linkonce_odr
             if linked and not function.is_declaration:
@@ -74,7 +73,7 @@ class _Linked(_KernelLibrary):
     """The code of a kernel that only kernels call."""
 
     def finalize(self) -> None:
-        """Link what the kernel calls, and leave all optimisation to its callers."""
+        """Link what the kernel calls, and leave the optimisation to its callers."""
         self._raise_if_finalized()
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
@@ -83,31 +82,31 @@ class _Linked(_KernelLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return 0, as for every function that has no machine code."""
+        """Return 0: there is no machine code."""
         self._ensure_finalized()
         return 0
 
     @property
     def codegen(self) -> _Linked:
-        """What Numba gives the kernel's environment to, see `set_env`."""
+        """The object on which Numba calls `set_env`."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Do nothing: there is no code yet that holds the environment's address."""
+        """Do nothing: there is no code to hold the environment's address."""
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
-        """Return the bitcode, as `rebuilt` takes it."""
+        """Return the bitcode in the form that `rebuilt` takes."""
         self._ensure_finalized()
         return self.name, _LINKED, self._get_module_for_linking().as_bitcode()
 
 
 def reduced(compiled: Any) -> Any:
-    """Return a compiled kernel as the cache keeps it: without the listing of its types."""
+    """Return a compiled kernel for the cache, without its type annotations."""
     return compiled._replace(type_annotation="")._reduce()
 
 
 def rebuilt(target_context: Any, kept: Any) -> Any:
-    """Return the compiled kernel that `reduced` was given."""
+    """Return the compiled kernel from the result of `reduced`."""
     (name, kind, code), description, environment, signature, *_ = kept
     if kind != _LINKED:
         return CompileResult._rebuild(target_context, *kept)
@@ -126,12 +125,12 @@ def rebuilt(target_context: Any, kept: Any) -> Any:
 
 
 class Compiler(CompilerBase):  # type: ignore[misc]
-    """Compiles kernels that allocate: as Numba does, but undisturbed by interrupts."""
+    """Compiles kernels that may allocate: Numba's pipeline, with interrupts put off."""
 
     library_class = _Library
 
     def __init__(self, *given: Any) -> None:
-        with put_off_interrupts():  # the first call compiles the counting of references
+        with put_off_interrupts():  # the first instance compiles the reference counting
             super().__init__(*given)
 
     def define_pipelines(self) -> list[Any]:
@@ -150,6 +149,6 @@ class LinkedCompiler(Compiler):
 
 
 class MachineCodeCompiler(Compiler):
-    """Compiles kernels that are called from Python or by their address."""
+    """Compiles kernels that are called from Python or by address."""
 
     library_class = _MachineCode

@@ -1,8 +1,7 @@
-"""Records of kernels: NamedTuples packed into one buffer, and their tables by columns.
+"""Records for kernels: NamedTuples packed into one buffer, and column-major tables.
 
-Tables that lie in memory column by column: what kernels gather of one thing is together.
-
-How they are gathered from is in `renderer.kernels.lanes.memory`.
+In a column-major table the numbers of one item are contiguous, so that a gather of one
+item touches few cache lines. The gathers are in `renderer.kernels.lanes.memory`.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ from renderer.errors import SceneError
 from renderer.kernels.jit.cache import file_digest
 
 _FIELDS: dict[type, frozenset[str]] = {}
-_MOST_NUMBERS = 2**31  # kernels count them in 32 bits
+_MOST_NUMBERS = 2**31  # kernels index them with 32 bits
 Record = TypeVar("Record")
 
 
 def table_columns(*names: str) -> Callable[[type[Record]], type[Record]]:
-    """Say which fields of a NamedTuple are tables (k, n) that columns are gathered from.
+    """Declare which fields of a NamedTuple are column-major tables (k, n).
 
-    Said of the class and not seen from the strides: NumPy takes one column for rows as
-    well, and copies of a table forget how it lay.
+    The class declares it because strides cannot tell: NumPy takes a single column for rows
+    as well, and copies of a table lose their layout.
     """
 
     def noted(record: type[Record]) -> type[Record]:
@@ -54,10 +53,10 @@ def table_columns(*names: str) -> Callable[[type[Record]], type[Record]]:
 
 
 def by_columns(rows: Any) -> NDArray[Any]:
-    """Return a table (k, n) of 32-bit numbers, one column after the other in memory.
+    """Return a column-major table (k, n) of 32-bit numbers.
 
-    Doubles become single. Behind them is one more, of zeros: lanes without a thing of their
-    own read column 0, which must be there.
+    Doubles become single precision. A column of zeros is added in memory behind the last:
+    lanes outside a mask read column 0, which must exist.
 
     Raises
     ------
@@ -71,29 +70,29 @@ def by_columns(rows: Any) -> NDArray[Any]:
 
 
 def column_rows(size: int, count: int, dtype: Any = np.float32) -> NDArray[Any]:
-    """Return zeros (count + 1, size): the transpose of all but the last is such a table."""
+    """Return zeros (count + 1, size); without the last row, its transpose is a table."""
     if (count + 1) * size >= _MOST_NUMBERS:
         raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
     return np.zeros((count + 1, size), dtype)
 
 
 def column_fields(record: type) -> frozenset[str]:
-    """Return the fields that `table_columns` names."""
+    """Return the fields declared by `table_columns`."""
     return _FIELDS.get(record, frozenset())
 
 
 def lies_by_columns(table: NDArray[Any]) -> bool:
-    """Return whether a table is one that `by_columns` has made."""
+    """Return whether a table has the layout of `by_columns`."""
     return table.strides == (table.itemsize, table.itemsize * table.shape[0])
 
 
 # ------------------------------------------------------------------------------ records
 # Records that kernels see through a pointer.
 #
-# A NamedTuple of arrays, passed by value, is some hundred arguments, and a new signature
-# of everything it is passed to. `pack` writes its leaves (pointers, shapes, numbers) into
-# one buffer; kernels are given its address and read attributes as before:
-# `scene.lights.count` is a load, `x is None` is still decided when a kernel is compiled.
+# A NamedTuple of arrays, passed by value, is some hundred arguments, and each function that
+# it is passed to gets a new signature. `pack` writes the leaves (pointers, shapes, numbers)
+# into one buffer, and kernels get its address. They read attributes as before:
+# `scene.lights.count` is a load, and `x is None` is still decided at compile time.
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -108,8 +107,8 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
     record
         The Numba type of the NamedTuple.
     source
-        Tells apart records of one class whose kernels have changed: a hash of the file
-        that a user's own kind comes from. Empty for the renderer's own.
+        Distinguishes records of one class whose kernels have changed: a hash of the file
+        that a user's plugin comes from. Empty for the renderer's own.
     """
 
     def __init__(self, record: Any, source: str = "") -> None:
@@ -122,12 +121,12 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
         self.words = _words(record)
 
     def __reduce__(self) -> Any:
-        """Pickle the class apart: a program that reads the index may not have it."""
+        """Pickle the class separately: a program that reads the index may lack it."""
         return _restored, (dumps(self.record), self.source, self.name)
 
 
 class _UnknownRecord(types.Type):  # type: ignore[misc]
-    """The type of a record whose class this program does not have; equal to no other."""
+    """The type of a record whose class this program lacks; equal to no other type."""
 
 
 def _restored(record: bytes, source: str, name: str) -> Any:
@@ -138,10 +137,10 @@ def _restored(record: bytes, source: str, name: str) -> Any:
 
 
 def _files_of(record: Any) -> set[str]:
-    """Return the files, outside of this package, that define classes in a record, hashed.
+    """Return the files, with hashes, outside this package that define a record's classes.
 
-    Numba names a class without its module, and the kernels that are chosen by the class may
-    have changed with the file.
+    Numba names a class without its module, and the kernels that the class selects may have
+    changed with the file.
     """
     found: set[str] = set()
     if isinstance(record, types.BaseTuple):
@@ -161,23 +160,23 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 class Packed:
-    """A record in the form that kernels see; it keeps the arrays alive."""
+    """A record as kernels see it; it keeps the arrays alive."""
 
     def __init__(self, record: Any, source: str = "") -> None:
         self.record = record
         self.numba_type = record_type(record, source)
         self._memory = np.zeros(self.numba_type.words + 1, np.uint64)
-        self._columns: list[Any] = []  # tables that had to be laid out anew
+        self._columns: list[Any] = []  # tables that had to be copied to column-major order
         _fill(self._memory, 0, record, self.numba_type.record, self._columns)
         self.address = int(self._memory.ctypes.data)
 
 
 def pack(record: Any, source: str = "") -> Packed:
-    """Return a NamedTuple as kernels see it; its arrays must be C-ordered.
+    """Return a packed NamedTuple for kernels; its arrays must be C-ordered.
 
-    Those that its class names in `table_columns` are seen column by column.
+    The fields that its class declares by `table_columns` are column-major instead.
 
-    Its numbers are copied: a change of the record's arrays is seen, as they are shared.
+    Arrays are shared, so later changes to them are seen. Numbers are copied.
     """
     return Packed(record, source)
 
@@ -185,7 +184,7 @@ def pack(record: Any, source: str = "") -> Packed:
 def record_type(record: Any, source: str = "") -> RecordType:
     """Return the Numba type that `pack(record, source)` would have."""
     key = _form(record), source
-    if key not in _KNOWN:  # making one anew for each render was half of what a render needs
+    if key not in _KNOWN:  # making a type per render was half of the fixed time of a render
         _KNOWN[key] = RecordType(_type_of(record), source)
     return _KNOWN[key]
 
@@ -193,8 +192,8 @@ def record_type(record: Any, source: str = "") -> RecordType:
 def record_class(numba_type: Any) -> type | None:
     """Return the NamedTuple class behind a Numba type, None for any other type.
 
-    Kernels that are chosen by the record they work on (`overload`) compare with this. A
-    tuple of equal array types is a `NamedUniTuple`, so test the common base.
+    Functions selected by record (`interface`) compare with this. A tuple of equal array
+    types is a `NamedUniTuple`, so test the common base.
     """
     if isinstance(numba_type, RecordType):
         numba_type = numba_type.record
@@ -203,13 +202,13 @@ def record_class(numba_type: Any) -> type | None:
     return None
 
 
-# --------------------------------------------------------------------- from Python
+# -------------------------------------------------------------------------- from Python
 
 _KNOWN: dict[Any, RecordType] = {}  # by form and source
 
 
 def _form(value: Any) -> Any:
-    """Return what the type of a value depends on, quickly, as a key."""
+    """Return a hashable key of all that the type of a value depends on."""
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous
     if isinstance(value, Packed):
@@ -220,7 +219,7 @@ def _form(value: Any) -> Any:
 
 
 def _type_of(value: Any) -> Any:
-    """Return the type of a leaf or record; the same for arrays of any shape."""
+    """Return the type of a leaf or record; it does not depend on an array's shape."""
     match value:
         case None:
             return types.none
@@ -257,10 +256,10 @@ _CLASS_OF: dict[type, type | None] = {}
 
 
 def _class_of(numba_type: Any) -> type | None:
-    """Return which of these classes a type is of, None for numbers.
+    """Return which of these classes a type belongs to, None for numbers.
 
-    Kept by its own class: `isinstance` asks the abstract base classes of all Numba's types,
-    which was half of the time of packing a record.
+    Cached by the type's class: `isinstance` goes through the abstract base classes of
+    Numba's types, which was half of the time of packing a record.
     """
     cls = type(numba_type)
     if cls not in _CLASS_OF:
@@ -280,9 +279,9 @@ def _words(numba_type: Any) -> int:
 
 
 def _fill(memory: Any, at: int, value: Any, numba_type: Any, columns: list[Any]) -> int:
-    """Write a value from word `at` on; return the next free word.
+    """Write a value at word `at`; return the next free word.
 
-    `columns` keeps the tables that did not lie column by column.
+    Tables that had to be copied to column-major order are appended to `columns`.
     """
     cls = _class_of(numba_type)
     if cls is types.NoneType:
@@ -318,13 +317,13 @@ def _unbox_packed(numba_type: Any, packed: Any, c: Any) -> NativeValue:
     return NativeValue(c.builder.inttoptr(number, _POINTER))
 
 
-# ------------------------------------------------------------------ inside kernels
+# ----------------------------------------------------------------------- inside kernels
 
 _LAYOUTS: dict[Any, dict[str, tuple[Any, int]]] = {}
 
 
 def _layout(record: Any) -> dict[str, tuple[Any, int]]:
-    """Return (type, word) of each field."""
+    """Return name -> (type, word) of the fields."""
     if record not in _LAYOUTS:
         at, fields = 0, {}
         for name, part in zip(record.instance_class._fields, record.types, strict=True):
@@ -335,7 +334,7 @@ def _layout(record: Any) -> dict[str, tuple[Any, int]]:
 
 
 def _holds_users(record: Any) -> bool:
-    """Return whether a record, or one inside of it, is of a class that a user has made."""
+    """Return whether a record, or a nested one, has a class outside of this package."""
     if not record.instance_class.__module__.startswith("renderer."):
         return True
     parts = (part for part in record.types if isinstance(part, types.BaseNamedTuple))
@@ -353,12 +352,12 @@ class _Attributes(AttributeTemplate):  # type: ignore[misc]
         part = field[0]
         if not isinstance(part, types.BaseNamedTuple):
             return part
-        # an older class of a user's may have the same name
+        # an older version of the class may have the same name
         return RecordType(part, numba_type.source if _holds_users(part) else "")
 
 
 def _load(builder: Any, base: Any, word: int, llvm_type: Any) -> Any:
-    """Load a leaf; LLVM may assume that it never changes, and move it out of loops."""
+    """Load a leaf as invariant, so that LLVM may move the load out of loops."""
     place = builder.gep(base, [_I64(_WORD * word)], inbounds=True)
     value = builder.load(builder.bitcast(place, llvm_type.as_pointer()))
     value.set_metadata("invariant.load", builder.module.add_metadata([]))
@@ -380,7 +379,7 @@ def _get_attribute(
 
 
 def _array(context: Any, builder: Any, part: Any, pointer: Any, at: int) -> Any:
-    """Return the array whose pointer and shape are in words from `at` on."""
+    """Return the array whose pointer and shape are stored from word `at` on."""
     item = context.get_data_type(part.dtype)
     bytes_each = context.get_abi_sizeof(item)
     array = make_array(part)(context, builder)

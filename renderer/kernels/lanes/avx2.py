@@ -1,8 +1,7 @@
-"""How lanes are gathered, and packed side by side, with AVX2 but without AVX-512.
+"""Gathers and compressing stores for AVX2 without AVX-512.
 
-Where AVX-512 has one instruction and AVX2 none, or one that LLVM does not trust, LLVM takes
-the vector apart: a branch and a load for each lane that is gathered, a store and an
-addition for each that is appended.
+Where AVX2 has no instruction, or one that LLVM avoids, LLVM scalarises the operation: a
+branch and a load per gathered lane, a store and an addition per appended lane.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ _TABLE = "lightproof.places_of_set_bits"
 
 
 def can_pack(lanes: Lanes) -> bool:
-    """Return whether `store_packed` knows such lanes."""
+    """Return whether `store_packed` supports these lanes."""
     return lanes.element.bitwidth == 32 and lanes.width % 8 == 0
 
 
 def can_gather(lanes: Lanes, indices: Lanes) -> bool:
-    """Return whether `gathered` knows such lanes and indices."""
+    """Return whether `gathered` supports these lanes and indices."""
     return can_pack(lanes) and indices.element.bitwidth == 32 and indices.element.signed
 
 
 def gathered(builder: ir.IRBuilder, base: Any, indices: Any, mask: Any) -> ir.Value:
-    """Return the elements of 32 bits at `base + indices`; 0 outside the mask."""
+    """Return the 32-bit elements at `base + indices`; 0 outside the mask."""
     count = indices.type.count
     signs = builder.bitcast(mask, ir.VectorType(_F32, count))
     memory = builder.bitcast(base, _I8.as_pointer())
@@ -45,10 +44,10 @@ def gathered(builder: ir.IRBuilder, base: Any, indices: Any, mask: Any) -> ir.Va
 
 
 def store_packed(builder: ir.IRBuilder, pointer: Any, x: Any, mask: Any) -> None:
-    """Store the lanes of 32 bits that the mask names, side by side.
+    """Store the masked 32-bit lanes contiguously.
 
-    Eight by eight: a permutation moves those of an eighth to its front, and the next eight
-    are stored over what is behind them.
+    Eight lanes at a time: a permutation moves the masked ones to the front, and the next
+    eight overwrite the rest.
     """
     count = x.type.count
     bits = builder.zext(MASKS.packed(builder, mask), _I64)
@@ -63,7 +62,7 @@ def store_packed(builder: ir.IRBuilder, pointer: Any, x: Any, mask: Any) -> None
 
 
 def _places(builder: ir.IRBuilder, bits: Any) -> Any:
-    """Return where the set bits of a byte are: the lanes that come to the front."""
+    """Return the indices of a byte's set bits, in order: the permutation."""
     table = builder.module.globals.get(_TABLE) or _table(builder.module)
     octets = ir.VectorType(_I8, 8)
     row = builder.gep(table, [_I64(0), bits], inbounds=True)

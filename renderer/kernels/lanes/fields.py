@@ -4,8 +4,8 @@
         center: Vector
         radius: Number
 
-takes four numbers of a table, in this order. Other records refer to the class by an object
-all of whose fields are None (`form_of`): it takes no memory there.
+is four numbers of a table, in this order. Other records refer to the class by an instance
+whose fields are all None (`form_of`), which takes no memory there.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class Number:
 class Derived:
     """Annotation of a number that follows from the other fields.
 
-    It comes behind them. Tables in rows hold it; from blocks it is loaded as None, and the
+    It is stored after them. Row tables hold it; blocks do not: there it loads as None and
     kernels compute it.
     """
 
 
 class Bound:
-    """Annotation of a number that may be larger than it has to be.
+    """Annotation of a number that is an upper bound and need not be tight.
 
-    It comes last. Tables in rows hold that of each record, blocks one for all eight.
+    It is stored last. Row tables have one per record, blocks one for all eight.
     """
 
 
@@ -56,27 +56,27 @@ def _fields(record: type) -> tuple[type, ...]:
 
 
 def size_of(record: type) -> int:
-    """Return how many numbers a class takes in tables in rows."""
+    """Return how many numbers a record takes in a row table."""
     return sum(_SIZES[kind] for kind in _fields(record))
 
 
 def size_in_block(record: type) -> int:
-    """Return how many of them, the first, each record has in blocks."""
+    """Return how many numbers a record takes in a block: all but derived and bounds."""
     return sum(_SIZES[kind] for kind in _fields(record) if kind in _IN_BLOCKS)
 
 
 def bounds_of(record: type) -> int:
-    """Return how many of them, the last, are bounds."""
+    """Return how many of a record's numbers are bounds."""
     return _fields(record).count(Bound)
 
 
 def form_of(record: type) -> Any:
-    """Return the object that stands for a class in other records."""
+    """Return the instance that stands for a class in other records."""
     return record(*(None for _ in _fields(record)))
 
 
 def _loading(load: Any, steps: tuple[int, int], in_block: bool, doc: str) -> Any:
-    """Return what loads all fields; `steps` in row and column lead to the next number."""
+    """Return a loader of all fields; `steps` is (row, column) from a number to the next."""
 
     @intrinsic
     def load_fields(

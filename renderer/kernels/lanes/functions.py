@@ -85,10 +85,10 @@ def splat_mask(typingctx: Any, flag: Any) -> Any:
 
 @intrinsic
 def select(typingctx: Any, mask: Any, yes: Any, no: Any) -> Any:
-    """Return `yes` where the mask is set and `no` elsewhere, lane by lane.
+    """Return `yes` where the mask is set and `no` elsewhere, per lane.
 
-    With a single boolean it chooses between two scalars, so that a formula in lanes
-    serves scalars too; neither way branches.
+    With a single boolean it selects one of two scalars, so that a formula for lanes also
+    works for scalars. It never branches.
     """
     one = isinstance(mask, types.Boolean)
     _require(one or isinstance(mask, Mask), f"select needs a mask, not {mask}")
@@ -159,8 +159,8 @@ def _extremum(sign: str) -> Any:
     return function
 
 
-# Of lanes or scalars; `b` where one of the two is NaN, as the processor's own instruction:
-# a slab test that puts the running bound second never lets 0 * inf = NaN through.
+# Of lanes or scalars. If either operand is NaN the result is b, as of the x86 instruction:
+# a slab test with the running bound as b ignores 0 * inf = NaN.
 minimum = _extremum("<")
 maximum = _extremum(">")
 
@@ -169,7 +169,7 @@ maximum = _extremum(">")
 def to_i32(typingctx: Any, x: Any) -> Any:
     """Round toward zero; out of range gives the smallest or largest int, NaN gives 0.
 
-    LLVM's own `llvm.fptosi.sat` does it lane by lane: a hundred instructions, not six.
+    LLVM's `llvm.fptosi.sat` is scalarised: a hundred instructions instead of six.
     """
     _require(x == f32x16, f"to_i32 takes f32x16, not {x}")
 
@@ -184,7 +184,7 @@ def to_i32(typingctx: Any, x: Any) -> Any:
             builder.fcmp_ordered(">=", args[0], low),
             builder.fcmp_ordered("<", args[0], high),
         )
-        # what is out of range has no defined conversion
+        # fptosi is undefined out of range
         within = builder.select(inside, args[0], everywhere(0.0, f32x16))
         whole = builder.fptosi(within, llvm_vector(i32x16))
         whole = builder.select(below, everywhere(-(2**31), i32x16), whole)
@@ -208,7 +208,7 @@ def to_f32(typingctx: Any, x: Any) -> Any:
 
 
 def _to_precision(element: Any, convert: str, doc: str) -> Any:
-    """Make the conversion of floats, lanes or one, to another precision."""
+    """Make the conversion of floats, lanes or scalar, to another precision."""
 
     @intrinsic
     def function(typingctx: Any, x: Any) -> Any:
@@ -233,7 +233,7 @@ to_single = _to_precision(types.float32, "fptrunc", "Floats rounded to single pr
 
 @intrinsic
 def any_of(typingctx: Any, mask: Any) -> Any:
-    """Return whether any lane of a mask is set; a single truth value is itself."""
+    """Return whether any lane of a mask is set; a scalar boolean is returned as it is."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         if not isinstance(mask, Mask):
@@ -287,10 +287,10 @@ upper_half = _half(True, "Return the second half of the lanes.")
 
 @intrinsic
 def joined(typingctx: Any, a: Any, b: Any) -> Any:
-    """Return twice as many lanes, those of a before those of b.
+    """Concatenate the lanes of a and b.
 
-    What is computed on them comes out as pairs of instructions that do not wait for each
-    other: worth it where a formula is one long chain.
+    Operations on the result become pairs of independent instructions, which helps where a
+    formula is one long dependency chain.
     """
     _require(isinstance(a, Lanes | Mask) and a == b, f"cannot join {a} and {b}")
     both = Mask(2 * a.width) if isinstance(a, Mask) else Lanes(a.element, 2 * a.width)
@@ -303,9 +303,9 @@ def joined(typingctx: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def negate_by_sign(typingctx: Any, x: Any, sign: Any) -> Any:
-    """Return float32 x, negated where `sign` is negative by its bit, as -0 is.
+    """Return float32 x, negated where the sign bit of `sign` is set, also for -0.
 
-    One instruction, where comparing with 0 and choosing between x and -x takes three.
+    One instruction, instead of three for a comparison with 0 and a select.
     """
     _require(x == sign, f"{x} and {sign} differ")
     whole = Lanes(types.int32, x.width) if isinstance(x, Lanes) else types.int32
@@ -324,7 +324,7 @@ def negate_by_sign(typingctx: Any, x: Any, sign: Any) -> Any:
 
 @intrinsic
 def mask_bits(typingctx: Any, mask: Any) -> Any:
-    """Return the mask as an integer, lane 0 in the lowest bit; 0 means no lane is set."""
+    """Return the mask as an integer, lane 0 in the lowest bit; 0 if no lane is set."""
     _require(isinstance(mask, Mask), f"mask_bits needs a mask, not {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -335,7 +335,7 @@ def mask_bits(typingctx: Any, mask: Any) -> Any:
 
 @intrinsic
 def mask_of(typingctx: Any, bits: Any) -> Any:
-    """Return the mask of 16 whose lanes are the lowest bits of an int64."""
+    """Return the 16-lane mask given by the lowest bits of an int64."""
     _require(bits == types.int64, f"mask_of takes int64, not {bits}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -348,7 +348,7 @@ def mask_of(typingctx: Any, bits: Any) -> Any:
 
 @intrinsic
 def popcount(typingctx: Any, bits: Any) -> Any:
-    """Return how many bits of an int64 are set."""
+    """Return the number of set bits of an int64."""
     _require(bits == types.int64, f"popcount takes int64, not {bits}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -421,7 +421,7 @@ def _reduction(sign: str, doc: str) -> Any:
             if x.element == types.int32:
                 name = f"llvm.vector.reduce.{_REDUCTIONS[sign]}.{_suffix(x)}"
                 return call(builder, name, ir.IntType(32), args[0])
-            # LLVM's own reduction of floats goes lane by lane
+            # LLVM's own float reduction is scalarised
             lanes, width = args[0], x.width
             while width > 1:
                 width //= 2

@@ -1,10 +1,10 @@
-"""How truth values of lanes are kept: as bits, or on AVX2 as lanes of ones and zeros.
+"""Representation of masks: as bits, or on AVX2 as lanes of ones and zeros.
 
-AVX-512 compares into registers of bits, and LLVM's own comparisons and selections are what
-it has instructions for (`Bits`). AVX2 compares into ordinary registers. There LLVM packs
-the result of each comparison into bytes and unpacks it for each selection, a quarter of all
-instructions of a triangle test. `WholeLanes` keeps the lanes as they are compared, by the
-processor's own instructions, which LLVM does not take apart.
+AVX-512 compares into mask registers, which LLVM's comparisons and selects use well
+(`Bits`). AVX2 compares into ordinary registers. There LLVM packs each comparison into bytes
+and unpacks it for each select, a quarter of all instructions of a triangle test.
+`WholeLanes` keeps the result of the comparison, by target intrinsics, which LLVM leaves
+intact.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def part(builder: ir.IRBuilder, x: ir.Value, first: int, width: int) -> ir.Value
 
 
 def joined_values(builder: ir.IRBuilder, parts: list[ir.Value]) -> ir.Value:
-    """Return the lanes of one, two or four equal vectors side by side."""
+    """Concatenate one, two or four vectors of equal type."""
     while len(parts) > 1:
         width = 2 * parts[0].type.count
         order = ir.Constant(ir.VectorType(_I32, width), list(range(width)))
@@ -43,14 +43,14 @@ def joined_values(builder: ir.IRBuilder, parts: list[ir.Value]) -> ir.Value:
 
 
 class Bits:
-    """A bit for each lane."""
+    """Masks as one bit per lane."""
 
     def vector(self, width: int) -> ir.VectorType:
         """Return the LLVM type of a mask."""
         return ir.VectorType(ir.IntType(1), width)
 
     def from_bits(self, builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
-        """Return the mask of the result of LLVM's comparisons, a vector of bits."""
+        """Return the mask from a vector of bits, as LLVM's comparisons give."""
         return bits
 
     def to_bits(self, builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
@@ -58,7 +58,7 @@ class Bits:
         return mask
 
     def compared(self, builder: ir.IRBuilder, sign: str, a: Any, b: Any) -> ir.Value:
-        """Compare float32 lanes; where one is NaN only != is true, as in Python."""
+        """Compare float32 lanes; comparisons with NaN are false, except !=."""
         if sign == "!=":
             return builder.fcmp_unordered(sign, a, b)
         return builder.fcmp_ordered(sign, a, b)
@@ -68,23 +68,23 @@ class Bits:
         return builder.select(mask, yes, no)
 
     def extreme(self, builder: ir.IRBuilder, sign: str, a: Any, b: Any) -> ir.Value:
-        """Return the lesser ("<") or greater (">") of floats; b where one is NaN."""
+        """Return the minimum ("<") or maximum (">") of floats; b if either is NaN."""
         return builder.select(builder.fcmp_ordered(sign, a, b), a, b)
 
     def packed(self, builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
-        """Return the mask as an integer of as many bits, lane 0 in the lowest."""
+        """Return the mask as an integer of that many bits, lane 0 in the lowest."""
         return builder.bitcast(mask, ir.IntType(mask.type.count))
 
 
 class WholeLanes(Bits):
-    """A lane of ones or zeros for each lane of 32 bits."""
+    """Masks as all ones or all zeros in each 32-bit lane."""
 
     def vector(self, width: int) -> ir.VectorType:
         """Return the LLVM type of a mask."""
         return ir.VectorType(_I32, width)
 
     def from_bits(self, builder: ir.IRBuilder, bits: ir.Value) -> ir.Value:
-        """Return the mask of the result of LLVM's comparisons, a vector of bits."""
+        """Return the mask from a vector of bits, as LLVM's comparisons give."""
         return builder.sext(bits, self.vector(bits.type.count))
 
     def to_bits(self, builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
@@ -92,7 +92,7 @@ class WholeLanes(Bits):
         return builder.icmp_signed("<", mask, ir.Constant(mask.type, None))
 
     def compared(self, builder: ir.IRBuilder, sign: str, a: Any, b: Any) -> ir.Value:
-        """Compare float32 lanes; where one is NaN only != is true, as in Python."""
+        """Compare float32 lanes; comparisons with NaN are false, except !=."""
         if a.type.element != ir.FloatType():
             return self.from_bits(builder, super().compared(builder, sign, a, b))
         if sign in (">", ">="):
@@ -110,14 +110,14 @@ class WholeLanes(Bits):
         return builder.bitcast(_by_halves(builder, _CHOOSE, lanes), yes.type)
 
     def extreme(self, builder: ir.IRBuilder, sign: str, a: Any, b: Any) -> ir.Value:
-        """Return the lesser ("<") or greater (">") of floats; b where one is NaN."""
+        """Return the minimum ("<") or maximum (">") of floats; b if either is NaN."""
         floats = getattr(a.type, "element", None) == ir.FloatType()
         if not floats or a.type.count < 4:
             return super().extreme(builder, sign, a, b)
         return _by_halves(builder, _LESSER if sign == "<" else _GREATER, (a, b))
 
     def packed(self, builder: ir.IRBuilder, mask: ir.Value) -> ir.Value:
-        """Return the mask as an integer of as many bits, lane 0 in the lowest."""
+        """Return the mask as an integer of that many bits, lane 0 in the lowest."""
         count = mask.type.count
         lanes = builder.bitcast(mask, ir.VectorType(ir.FloatType(), count))
         bits = _I32(0)
@@ -128,7 +128,7 @@ class WholeLanes(Bits):
         return builder.trunc(bits, ir.IntType(count))
 
 
-# The instruction for four lanes, and for eight.
+# The intrinsics for four and for eight lanes.
 _COMPARE = {4: "llvm.x86.sse.cmp.ps", 8: "llvm.x86.avx.cmp.ps.256"}
 _CHOOSE = {4: "llvm.x86.sse41.blendvps", 8: "llvm.x86.avx.blendv.ps.256"}
 _LESSER = {4: "llvm.x86.sse.min.ps", 8: "llvm.x86.avx.min.ps.256"}
@@ -139,7 +139,7 @@ _SIGNS = {4: "llvm.x86.sse.movmsk.ps", 8: "llvm.x86.avx.movmsk.ps.256"}
 def _by_halves(
     builder: ir.IRBuilder, names: dict[int, str], lanes: Sequence[Any], *more: Any
 ) -> ir.Value:
-    """Call an instruction for 4, 8 or 16 float32 lanes, eight by eight, or for four."""
+    """Apply an intrinsic to float32 lanes: four, or any multiple of eight in parts."""
     count = lanes[0].type.count
     width = min(count, 8)
     parts = []
@@ -156,7 +156,7 @@ def _size(element: ir.Type) -> int:
 
 
 def _has_avx2_only() -> bool:
-    """Return whether Numba compiles for registers of 256 bits that can be gathered into."""
+    """Return whether Numba compiles for AVX2 (256 bits, gathers) but not AVX-512."""
     given = config.CPU_FEATURES
     names = (codegen.get_host_cpu_features() if given is None else given).split(",")
     return "+avx2" in names and "+avx512f" not in names

@@ -1,4 +1,4 @@
-"""Elementary functions of sixteen numbers at once."""
+"""Elementary functions of 16 float32 lanes."""
 
 from __future__ import annotations
 
@@ -30,17 +30,16 @@ from renderer.kernels.lanes.masks import call
 from renderer.kernels.lanes.types import Lanes, operands, widen
 
 # -------------------------------------------------------------------------------- fused
-# Multiplication and addition in one step, for bounds that have room for rounding.
+# Fused multiply-add, for bounds with a margin for rounding.
 #
-# A processor with fused multiply-add does both in one instruction and rounds once; one
-# without does the two that `a * b + c` is. So results differ in the last bit from
-# processor to processor: a box that is tested with a margin may be computed so, a hit or
-# a colour must not.
+# A processor with FMA rounds once; one without computes a * b + c with two roundings. So
+# results differ in the last bit between processors. A box test with a margin may use it; a
+# hit or a colour must not.
 
 
 @intrinsic
 def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a * b + c of float32 lanes; scalars among them are copied to every lane."""
+    """Return a * b + c of float32 lanes; scalar operands are broadcast."""
     lanes = next((x for x in (a, b, c) if isinstance(x, Lanes)), None)
     fits = lanes is not None and all(operands(lanes, x) == lanes for x in (a, b, c))
     if not fits or lanes.element != types.float32:
@@ -58,40 +57,39 @@ def multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 # ------------------------------------------------------------------------- exponentials
-# Exponential, logarithm and power of sixteen float32 at once.
+# Exponential, logarithm and power of 16 float32 lanes.
 #
-# All three are powers of two inside, and these are computed in double precision, two
-# registers of eight: the rest of a range reduction and the error of a short series then
-# stay below what float32 can show, and a power keeps its digits, whose exponent would
-# multiply the error of a single-precision logarithm by up to 128. Only operations that
-# are rounded alike on every processor occur, as in
-# `renderer.kernels.lanes.mathematics`.
+# All three are powers of two inside, computed in double precision in two registers of
+# eight. The remainder of a range reduction and the error of a short series are then below
+# the resolution of float32. A power keeps its digits too: its exponent would multiply the
+# error of a single-precision logarithm by up to 128. Only operations that every processor
+# rounds in the same way are used.
 
 _LN_2 = math.log(2)
 _LOG2_E = 1 / _LN_2
 _SMALLEST_NORMAL = 2.0**-126
-_BITS_OF_ROOT_HALF = 0x3F3504F3  # of sqrt(1/2), where the mantissa's range begins
+_BITS_OF_ROOT_HALF = 0x3F3504F3  # bits of sqrt(1/2), the lower end of the mantissa's range
 
 # 2^r = e^(r ln 2) for |r| <= 1/2: the ninth term of the series is below 2^-32
 _E0, _E1, _E2, _E3, _E4, _E5, _E6, _E7, _E8 = (
     _LN_2**k / math.factorial(k) for k in range(9)
 )
-# log2 m = 2 / ln 2 atanh(s), s = (m - 1) / (m + 1); s^2 <= 0.0295, so the rest is 2^-40
+# log2 m = 2 / ln 2 atanh(s), s = (m - 1) / (m + 1); s^2 <= 0.0295, remainder 2^-40
 _L0, _L1, _L2, _L3, _L4, _L5, _L6 = (2 / _LN_2 / (2 * k + 1) for k in range(7))
 
 
 @kernel
 def exp2_of_double(t):
-    """Return 2^t in single precision for lanes t in double precision.
+    """Return 2^t in single precision for double-precision lanes t.
 
-    Error at most 0.51 ulp; below 2^-126, where digits are few, one unit of the last.
+    Error at most 0.51 ulp; for subnormal results (below 2^-126) one unit in the last place.
     """
-    t = maximum(-200.0, minimum(200.0, t))  # the second operand wins: NaN stays
+    t = maximum(-200.0, minimum(200.0, t))  # the second operand wins, so NaN is kept
     whole = floor(t + 0.5)
     r = t - whole
     power = ((((_E8 * r + _E7) * r + _E6) * r + _E5) * r + _E4) * r
     power = ((((power + _E3) * r + _E2) * r + _E1) * r) + _E0
-    # in two steps, as neither 2^-140 nor 2^128 has a float32 of its own
+    # two factors, as float32 cannot represent 2^-140 or 2^128
     n = to_i32(to_single(whole))
     half = n >> 1
     first, second = as_f32((half + 127) << 23), as_f32((n - half + 127) << 23)
@@ -100,7 +98,7 @@ def exp2_of_double(t):
 
 @kernel
 def log2_in_double(x):
-    """Return log2 x of f32x16 in double precision, to 2^-38 of it.
+    """Return log2 x of f32x16 in double precision, relative error 2^-38.
 
     -inf for 0, NaN for negative numbers and NaN.
     """
@@ -113,7 +111,7 @@ def log2_in_double(x):
     series = (((((_L6 * z + _L5) * z + _L4) * z + _L3) * z + _L2) * z + _L1) * z + _L0
     whole = to_double(to_f32(exponent - select(tiny, 24, exponent * 0)))
     logarithm = s * series + whole
-    wide = to_double(x)  # the infinities of both ends, and what has no logarithm
+    wide = to_double(x)  # 0, infinity, negative numbers and NaN
     logarithm = select(x == math.inf, wide, logarithm)
     no_number = select(x == 0.0, wide - math.inf, wide * math.nan)
     return select(x > 0.0, logarithm, no_number)
@@ -121,7 +119,7 @@ def log2_in_double(x):
 
 @kernel
 def exp(x):
-    """Return e^x of f32x16; error as `exp2_of_double`."""
+    """Return e^x of f32x16; error as for `exp2_of_double`."""
     return exp2_of_double(to_double(x) * _LOG2_E)
 
 
@@ -133,24 +131,24 @@ def log(x):
 
 @kernel
 def power(x, y):
-    """Return x^y of f32x16 for x >= 0; error as `exp2_of_double`.
+    """Return x^y of f32x16 for x >= 0; error as for `exp2_of_double`.
 
-    As C's powf, but negative x give NaN; x^0 is 1 for every x.
+    As C's powf, except that negative x give NaN. x^0 is 1 for every x.
     """
     result = exp2_of_double(to_double(y) * log2_in_double(x))
     return select((y == 0.0) | (x == 1.0), 1.0, result)
 
 
 # ----------------------------------------------------------------------- error function
-# The error function and its inverse, of sixteen float32 at once.
+# The error function and its inverse, of 16 float32 lanes.
 #
-# The polynomials were fitted for this file, by least squares that were reweighted towards
-# equal errors, to SciPy's functions in double precision. They are evaluated in double
-# precision too: next to the ends of the range, terms of both signs cancel.
+# The polynomials were fitted for this file to SciPy's functions in double precision, by
+# least squares reweighted towards equal errors. They are evaluated in double precision,
+# since terms of both signs cancel near the ends of the range.
 
 _SIGN_BIT = -0x80000000
 _MINUS_LN_2 = -math.log(2)
-_STEEP = 5.0  # -log(1 - x^2) from which the tail has a polynomial of its own
+_STEEP = 5.0  # -log(1 - x^2) above which the tail's polynomial is used
 
 
 @kernel
@@ -159,13 +157,13 @@ def erf(x):
 
     Error at most 0.6 ulp. NaN gives NaN.
     """
-    a = to_double(minimum(4.0, fabs(x)))  # beyond 4 it is 1 in single precision
+    a = to_double(minimum(4.0, fabs(x)))  # erf is 1 in single precision above 4
     z = a * a
-    # erf a = a P(a^2) up to 1, to 8e-11
+    # erf a = a P(a^2) up to 1, error 8e-11
     p = (-9.6415145330e-6 * z + 1.1256947334e-4) * z - 8.4828287608e-4
     p = ((p * z + 5.2209454266e-3) * z - 2.6865400040e-2) * z + 1.1283781974e-1
     p = (p * z - 3.7612638435e-1) * z + 1.1283791671
-    # erf a = 1 - 2^-Q(a) from 1 to 4, to 3e-11
+    # erf a = 1 - 2^-Q(a) from 1 to 4, error 3e-11
     q = (3.1303219523e-5 * a - 6.3691253916e-4) * a + 6.0669540887e-3
     q = ((q * a - 3.6370860853e-2) * a + 1.5642007084e-1) * a + 9.1353811334e-1
     q = (q * a + 1.6296399349) * a - 2.7190609741e-4
@@ -175,19 +173,19 @@ def erf(x):
 
 @kernel
 def erfinv(x):
-    """Return the number whose error function is x, of f32x16 in [-1, 1].
+    """Return the inverse error function of f32x16 x in [-1, 1].
 
-    By polynomials in w = -log(1 - x^2) [Giles2011], with coefficients of our own. Error at
-    most 1 ulp. The ends give infinities, what is beyond them NaN.
+    By polynomials in w = -log(1 - x^2) [Giles2011], with coefficients fitted here. Error at
+    most 1 ulp. -1 and 1 give infinities, numbers outside [-1, 1] give NaN.
     """
-    # 1 - x and 1 + x lose no digits next to the ends, where w is steep
+    # 1 - x and 1 + x lose no digits near the ends, where w is steep
     w = log2_in_double((1.0 - x) * (1.0 + x)) * _MINUS_LN_2
-    # |x| < 0.9966, to 2e-9
+    # |x| < 0.9966, error 2e-9
     p = (3.3556381580e-10 * w - 1.7161881396e-8) * w + 3.0980186748e-7
     p = ((p * w - 2.4979046007e-6) * w + 5.8356910822e-6) * w + 4.0486688200e-5
     p = ((p * w - 1.2200252833e-4) * w - 2.3385406556e-3) * w + 1.1550335549e-2
     p = (p * w + 2.3201355600e-1) * w + 8.8622692745e-1
-    # up to the last float32 below 1, w = 15.9, to 1.3e-8
+    # up to the last float32 below 1, w = 15.9, error 1.3e-8
     s = sqrt(w)
     q = (1.1010031560e-4 * s - 3.2770735197e-3) * s + 4.2928586211e-2
     q = ((q * s - 3.2390664589e-1) * s + 1.5444665318) * s - 4.7914699526
@@ -198,28 +196,28 @@ def erfinv(x):
 
 
 # -------------------------------------------------------------------------- mathematics
-# Sine, cosine, arc tangent and arc cosine of sixteen float32 at once.
+# Sine, cosine, arc tangent and arc cosine of 16 float32 lanes.
 #
 # Range reductions and polynomials are those of Cephes' single-precision functions
-# [Moshier1989], arranged without branches. Calling the C library for each lane would undo
-# the gain of the lanes, and its last digit changes from machine to machine; here only
-# additions, multiplications, divisions and square roots occur, each rounded to nearest
-# and none fused, so every processor computes the same bits.
+# [Moshier1989], without branches. Calls of the C library per lane would be slow, and its
+# last digit differs between machines. Here only additions, multiplications, divisions and
+# square roots occur, each rounded to nearest and none fused, so every processor computes
+# the same bits.
 #
 # The errors below were measured against NumPy in float64; an ulp is the spacing of
 # float32 at the true result.
 
 _TWO_OVER_PI = 2 / math.pi
 
-# pi/2 in four parts: the first three have at most 11 bits, so their products with a whole
-# number below 2^13 are exact in float32 (Cody and Waite's reduction)
+# pi/2 in four parts. The first three have at most 11 bits, so their products with an
+# integer below 2^13 are exact in float32 (Cody and Waite's reduction).
 _HALF_PI_1 = 1.5703125
 _HALF_PI_2 = 4.837512969970703125e-4
 _HALF_PI_3 = 7.549533620476723e-8
 _HALF_PI_4 = 2.563344151594519e-12
 
-# pi and pi/2 as the nearest float32 and what is left over: a constant of one float32 alone
-# would cost a third of an ulp
+# pi and pi/2 as the nearest float32 plus a remainder: one float32 alone would cost a third
+# of an ulp
 _PI = 3.1415927410125732
 _PI_REST = math.pi - _PI
 _HALF_PI = 1.5707963705062866
@@ -233,9 +231,9 @@ _TAN_EIGHTH_PI = math.sqrt(2) - 1
 def sincos(x):
     """Return (sin x, cos x) of f32x16 angles in radians.
 
-    Sine is exactly odd and cosine exactly even. Error at most 1.6 ulp for
-    |x| <= 2 pi; the absolute error stays below 1e-7 for |x| <= 8000 and grows beyond.
-    NaN and infinite angles give NaN.
+    Sine is exactly odd and cosine exactly even. The error is at most 1.6 ulp for
+    |x| <= 2 pi. The absolute error is below 1e-7 for |x| <= 8000 and grows beyond. NaN and
+    infinite angles give NaN.
     """
     magnitude = fabs(x)
     turns = floor(magnitude * _TWO_OVER_PI + 0.5)  # quarter turns
@@ -291,7 +289,7 @@ def arccos(x):
 
     Error at most 1.2 ulp. NaN gives NaN.
     """
-    x = maximum(-1.0, minimum(1.0, x))  # the second operand wins: NaN stays
+    x = maximum(-1.0, minimum(1.0, x))  # the second operand wins, so NaN is kept
     magnitude = fabs(x)
     # near 1, acos(x) = 2 asin(sqrt((1 - x) / 2)) loses no digits
     steep = magnitude > 0.5
@@ -308,6 +306,6 @@ def arccos(x):
 
 # ------------------------------------------- former names, for one version
 
-# BSDFs of users import from these modules, as messages told them to.
+# Users' BSDFs import from these modules, as earlier messages told them to.
 for _name in ("mathematics", "exponentials", "error_function"):
     sys.modules[f"{__name__}.{_name}"] = sys.modules[__name__]

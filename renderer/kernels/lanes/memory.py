@@ -1,9 +1,8 @@
-"""Lanes to and from arrays: loads and stores, gathers and scatters, compressed stores.
+"""Lanes to and from arrays: loads and stores, gathers and scatters, compressing stores.
 
-Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component; the second
-form is addressed by `row`. It lies in memory row by row (structure of arrays); tables that
-are gathered from may lie there column by column (`columns`). There are no bounds checks:
-arrays that lanes are stored to are padded by one lane width.
+Arrays are `(n,)`, or `(k, n)` with one row per component, selected by `row`. Rows are
+contiguous (structure of arrays), except in the column-major tables of `jit.records`.
+There are no bounds checks: arrays that lanes are stored to are padded by one lane width.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def _require_elements(array: Any) -> None:
 
 
 def require_columns(array: Any) -> None:
-    """Raise TypingError for what is no table column by column in memory."""
+    """Raise TypingError unless the array is a column-major table."""
     if not isinstance(array, types.Array) or array.ndim != 2 or array.layout != "F":
         raise TypingError(f"{array} has no columns that lie in memory one by one")
     if array.dtype.bitwidth != 32:
@@ -85,7 +84,7 @@ def _vector_at(context: Any, builder: Any, sig: Any, args: Any, lanes: Lanes) ->
 
 
 def as_i64(context: Any, builder: Any, value: Any, given: Any) -> Any:
-    """Convert a whole number of type `given` to 64 bits."""
+    """Convert an integer of type `given` to 64 bits."""
     return context.cast(builder, value, given, types.int64)
 
 
@@ -112,7 +111,7 @@ load_eight = _loading(8, "Load `array[row, i : i + 8]`.")
 
 @intrinsic
 def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
-    """Load `array[row, i : i + 16]`, bytes without sign, as f32x16."""
+    """Load `array[row, i : i + 16]`, unsigned bytes, as f32x16."""
     _require_rows(array)
     if array.dtype != types.uint8:
         raise TypingError(f"bytes are loaded from arrays of uint8, not from {array}")
@@ -130,10 +129,10 @@ def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
 
 @intrinsic
 def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
-    """Return `array[row, i]` for indices that are not negative.
+    """Return `array[row, i]` for non-negative indices.
 
-    Numba's own indexing tests of each index whether it counts from the end: three
-    instructions for every load of a traversal.
+    Numba's own indexing tests whether each index is negative: three more instructions for
+    every load of a traversal.
     """
     _require_elements(array)
 
@@ -145,7 +144,7 @@ def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
 
 @intrinsic
 def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
-    """Set `array[row, i]` for indices that are not negative."""
+    """Set `array[row, i]` for non-negative indices."""
     _require_elements(array)
     if not array.mutable:
         raise TypingError(f"cannot store in {array}")
@@ -160,13 +159,13 @@ def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 
 @intrinsic
 def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
-    """Request the cache line of `array[row, i]`, which will be read soon."""
+    """Prefetch the cache line of `array[row, i]`."""
     _require_rows(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         start = element_at(context, builder, sig, args)
         pointer = builder.bitcast(start, ir.IntType(8).as_pointer())
-        # to read, to be kept in all caches, data
+        # for reading, into all cache levels, data cache
         how = [ir.Constant(ir.IntType(32), n) for n in (0, 3, 1)]
         call(builder, "llvm.prefetch.p0", ir.VoidType(), pointer, *how)
         return context.get_dummy_value()
@@ -189,9 +188,10 @@ def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 
 @intrinsic
 def store_where(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
-    """Store the lanes of x that the mask names to `array[row, i : i + 16]`.
+    """Store the masked lanes of x to `array[row, i : i + 16]`.
 
-    What the others are may be stored again: no other thread may write there.
+    Unmasked elements may be rewritten with their old values, so no other thread may write
+    there.
     """
     lanes = _lanes_into(array, x)
     if mask != Mask(lanes.width):
@@ -199,7 +199,7 @@ def store_where(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _vector_at(context, builder, sig, args, lanes)
-        if HAS_AVX2_ONLY:  # its masked store is microcoded on AMD processors
+        if HAS_AVX2_ONLY:  # AVX2's masked store is microcoded on AMD processors
             before = builder.load(pointer, align=array.dtype.bitwidth // 8)
             after = MASKS.chosen(builder, args[4], args[3], before)
             builder.store(after, pointer, align=array.dtype.bitwidth // 8)
@@ -244,7 +244,7 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
 def in_columns(
     context: Any, builder: Any, array: Any, value: Any, row: Any, indices: Any
 ) -> tuple[Any, Any]:
-    """Return where a row of an array column by column begins, and how far from there."""
+    """Return a pointer to a row of a column-major array, and offsets of the indices."""
     struct = make_array(array)(context, builder, value)
     rows = cgutils.unpack_tuple(builder, struct.shape)[0]
     if isinstance(indices.type, ir.VectorType):
@@ -256,7 +256,7 @@ def in_columns(
 
 @intrinsic
 def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: Any) -> Any:
-    """Store the lanes of x that the mask m names to `array[row, indices]`."""
+    """Store the lanes of x in the mask m to `array[row, indices]`."""
     by_columns = getattr(array, "layout", "") == "F"
     if by_columns:
         require_columns(array)
@@ -286,8 +286,8 @@ def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: A
 def _lane_pointers(builder: Any, base: Any, index: Any, lanes: Any) -> Any:
     """Return base + index for each lane.
 
-    llvmlite types every `gep` as one pointer; with a vector index it is a vector of them.
-    Going through integers instead would cost the 32-bit-index form of the gather.
+    llvmlite types every `gep` as a single pointer; with a vector index it is a vector of
+    pointers. Going through integers instead would lose the gather with 32-bit indices.
     """
     one = ir.Constant(index.type.element, 0)
     instruction = ir.instructions.GEPInstr(builder.block, base, [one], False, "")
@@ -300,10 +300,11 @@ def _lane_pointers(builder: Any, base: Any, index: Any, lanes: Any) -> Any:
 
 @intrinsic
 def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
-    """Store the lanes of x that the mask names, side by side, from `array[row, i]` on.
+    """Store the masked lanes of x contiguously from `array[row, i]` on.
 
-    Overwrites as many elements as x has, so appends go upward only. The lanes are packed in
-    a register first: a compressing store to memory is microcoded on AMD processors.
+    Overwrites as many elements as x has, so append in ascending order only. The lanes are
+    compacted in a register first: a compressing store to memory is microcoded on AMD
+    processors.
     """
     lanes = _lanes_into(array, x)
     if mask != Mask(lanes.width):
@@ -325,19 +326,18 @@ def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) 
 
 
 # ------------------------------------------------------------------------------ columns
-# Tables that lie in memory column by column: what belongs to one thing is side by side.
+# Column-major tables: the numbers of one item are contiguous.
 #
-# A gather of 16 lanes takes 16 loads for one number of each thing. Where several numbers
-# of each are needed, four of them are one load, and the loads of four things are
-# transposed; a thing that is not in the cache is waited for once (docs/performance.md,
-# Without AVX-512).
+# A gather of 16 lanes takes 16 loads for one number per item. If several numbers per item
+# are needed, one load gives four of them, and the loads of four items are transposed. An
+# item that is not in the cache is waited for once (docs/performance.md, Without AVX-512).
 
 
 @intrinsic
 def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
     """Load `array[row : row + 4, indices]`: four rows, as lanes each.
 
-    Lanes outside the mask are of column 0, which `by_columns` sees to be there.
+    Lanes outside the mask read column 0, which `by_columns` ensures to exist.
     """
     require_columns(array)
     lanes = lanes_of(array.dtype)
@@ -365,7 +365,7 @@ def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any
 def store_columns(
     typingctx: Any, array: Any, row: Any, i: Any, a: Any, b: Any, c: Any, d: Any
 ) -> Any:
-    """Store four lanes to `array[row : row + 4, i : i + 16]`."""
+    """Store four values of 16 lanes to `array[row : row + 4, i : i + 16]`."""
     require_columns(array)
     if {a, b, c, d} != {lanes_of(array.dtype)} or not array.mutable:
         raise TypingError(f"cannot store {a}, {b}, {c}, {d} in {array}")
@@ -389,18 +389,18 @@ def _as_columns(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _as_rows(builder: Any, columns: list[Any]) -> list[Any]:
-    """Return the four rows of so many columns of four."""
+    """Return the four rows of a list of columns of four."""
     return _four_by_four(
         builder, *(joined_values(builder, columns[j::4]) for j in range(4))
     )
 
 
 def _four_by_four(builder: Any, a: Any, b: Any, c: Any, d: Any) -> list[Any]:
-    """Transpose each four of the lanes of a to d."""
+    """Transpose each 4 x 4 block of the lanes of a to d."""
     width = a.type.count
 
     def mixed(x: Any, y: Any, *order: int) -> Any:
-        """Take numbers 0 to 3 of x and 4 to 7 of y, in each four of their lanes."""
+        """Take elements 0 to 3 of x and 4 to 7 of y, in each group of four lanes."""
         places = [
             four + k if k < 4 else width + four + k - 4
             for four in range(0, width, 4)

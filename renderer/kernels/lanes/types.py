@@ -1,9 +1,9 @@
 """The Numba types `f32x16`, `i32x16`, `u32x16`, `f64x8`, ... and their masks.
 
-A lane type is a short vector that the processor computes on in one instruction: 16 rays,
-or 16 triangles, at once. Its data model is an LLVM vector; where a machine's registers
-are narrower, LLVM splits it. LLVM's own vectoriser left the shading loops scalar, because
-Numba's arrays may alias; saying it made shading four times as fast.
+A lane type is a SIMD vector: 16 rays, or 16 triangles, per instruction. Its data model is
+an LLVM vector; for narrower registers LLVM splits it. LLVM's auto-vectoriser left the
+shading loops scalar, because Numba's arrays may alias; explicit lanes made shading four
+times as fast.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from numba.extending import models, register_model
 
 from renderer.kernels.lanes.masks import MASKS
 
-WIDTH = 16  # lanes of the packets that the renderer works on
+WIDTH = 16  # lanes of a packet
 
 
 class Lanes(types.Type):
-    """`width` numbers of one Numba scalar type, computed on together."""
+    """`width` numbers of one Numba scalar type, processed together."""
 
     def __init__(self, element: Any, width: int) -> None:
         self.element = element
@@ -38,7 +38,7 @@ class Lanes(types.Type):
 
 
 class Mask(types.Type):
-    """`width` truth values, the result of comparing lanes."""
+    """`width` booleans, the result of comparing lanes."""
 
     def __init__(self, width: int) -> None:
         self.width = width
@@ -56,7 +56,7 @@ _LLVM_ELEMENT = {
 
 
 def lanes_of(element: Any) -> Lanes:
-    """Return the lanes of one element type that fill 512 bits: f32x16, f64x8, ..."""
+    """Return the lane type of an element type that fills 512 bits: f32x16, f64x8, ..."""
     if element not in _LLVM_ELEMENT:
         raise TypingError(f"there are no lanes of {element}")
     return Lanes(element, 512 // element.bitwidth)
@@ -85,11 +85,11 @@ f64x8 = Lanes(types.float64, 8)
 # ---------------------------------------------------------------------------- operators
 # Ordinary operators on lanes: `a * b + c`, `a < b`, `mask & ~other`, `x >> 16`.
 #
-# A scalar operand is converted to the lanes' element type and copied to every lane, so
-# that a Python literal never widens an expression to double precision. Integers wrap
-# around; shifting by the element's width or more is undefined, as in C.
+# A scalar operand is converted to the lanes' element type and broadcast, so a Python
+# literal never widens an expression to double precision. Integers wrap around; shifts by
+# the element's width or more are undefined, as in C.
 
-# name of the LLVM instruction for float, signed and unsigned elements; None: no such thing
+# LLVM instruction for float, signed and unsigned elements; None: not supported
 _ARITHMETIC: dict[Any, tuple[Any, Any, Any]] = {
     operator.add: ("fadd", "add", "add"),
     operator.sub: ("fsub", "sub", "sub"),
@@ -121,9 +121,9 @@ _COMPARISON = {
     operator.ne: "!=",
 }
 _ON_MASKS = (operator.and_, operator.or_, operator.xor)
-# Numba asks the meanings of an operator that belong to the very target before those that
-# belong to any, and takes the first that fits: else each `a + b` of lanes would ask those
-# for strings, lists, sets, dates, ... twice, and most of these compile something
+# Numba tries the implementations of an operator for the exact target before the generic
+# ones, and takes the first that fits. Otherwise each `a + b` of lanes would try those of
+# strings, lists, sets, dates, ... twice, and most of these compile something.
 _FIRST = {"target": "cpu"}
 SCALARS = (types.Integer, types.Float, types.Boolean)
 
@@ -136,9 +136,9 @@ def _instruction(op: Callable[..., Any], element: Any) -> Any:
 
 
 def operands(left: Any, right: Any) -> Any:
-    """Return the lane type that both operands become, or None where they do not mix.
+    """Return the common lane type of both operands, or None if they do not mix.
 
-    A float next to integer lanes does not mix: it would lose its fraction unseen.
+    A float does not mix with integer lanes: its fraction would be lost silently.
     """
     if isinstance(left, Lanes) and isinstance(right, Lanes):
         return left if left == right else None
@@ -158,7 +158,7 @@ def splat_value(builder: ir.IRBuilder, scalar: ir.Value, vector: Any) -> ir.Valu
 
 
 def widen(context: Any, builder: ir.IRBuilder, value: Any, given: Any, lanes: Any) -> Any:
-    """Convert an operand of type `given` to `lanes`; lanes pass through."""
+    """Convert an operand of type `given` to `lanes`; lanes are returned unchanged."""
     if isinstance(given, Lanes | Mask):
         return value
     scalar = context.cast(builder, value, given, lanes.element)
@@ -166,7 +166,7 @@ def widen(context: Any, builder: ir.IRBuilder, value: Any, given: Any, lanes: An
 
 
 def _declare_binary(op: Callable[..., Any], meaning: Callable[..., Any]) -> None:
-    """Type and lower `op`; an in-place operator means the plain one."""
+    """Type and lower `op`; an in-place operator is implemented as the plain one."""
 
     class Typing(AbstractTemplate):
         metadata = _FIRST

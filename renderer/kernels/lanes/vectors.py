@@ -1,7 +1,7 @@
-"""Three-component vectors for the kernels: `vec3(x, y, z)` with ordinary operators.
+"""Three-component vectors for kernels: `vec3(x, y, z)` with ordinary operators.
 
-The components are scalars or lanes, so that one textbook formula serves one ray or
-sixteen. A vector of scalars next to lanes stands for the same vector in every lane.
+The components are scalars or lanes, so one formula serves one ray or 16. A vector of
+scalars mixed with lanes is broadcast to every lane.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ for _name in "xyz":
 
 
 def vec3(x: Any, y: Any, z: Any) -> Any:
-    """Make a vector; only inside kernels."""
+    """Make a vector; for kernels only."""
     raise TypeError("vec3 exists inside kernels only")
 
 
 def _common(a: Any, b: Any) -> Any:
-    """Return the type that components of type a and b are computed in."""
+    """Return the component type of an operation on components of types a and b."""
     if isinstance(a, Lanes) or isinstance(b, Lanes):
         return operands(a, b)
     return a if isinstance(a, types.Number) and isinstance(b, types.Number) else None
@@ -101,7 +101,7 @@ def _lower_vec3(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _declare(op: Any) -> None:
-    """Make `op` work component by component on vector-vector and vector-number pairs."""
+    """Define `op` componentwise for vector-vector and vector-number pairs."""
 
     class Typing(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -198,8 +198,8 @@ def select3(mask, a, b):
 def orthonormal_basis(n):
     """Return two unit vectors that complete the unit vector n to a right-handed frame.
 
-    Branchless and continuous except at n.z = 0 [Duff2017, listing 3]. The sign is that of
-    the bit, as there: -0 is negative.
+    Branchless and continuous except at n.z = 0 [Duff2017, listing 3]. As there, the sign is
+    that of the sign bit: -0 is negative.
     """
     sign = select(as_i32(n.z) < 0, n.z * 0.0 - 1.0, n.z * 0.0 + 1.0)
     a = -1.0 / (sign + n.z)
@@ -258,7 +258,7 @@ def store3_where(array, i, a, mask):
 
 @kernel
 def gather3(array, indices, mask):
-    """Load the columns that `indices` names; lanes outside the mask are 0."""
+    """Load the columns `indices` of a (3, n) array; lanes outside the mask are 0."""
     return vec3(
         gather_row(array, 0, indices, mask),
         gather_row(array, 1, indices, mask),
@@ -268,14 +268,14 @@ def gather3(array, indices, mask):
 
 @kernel
 def gather_vectors(table, indices, mask):
-    """Load vectors of a table (4, n) column by column; see `gather_columns`."""
+    """Load vectors from a column-major table (4, n); see `gather_columns`."""
     x, y, z, _ = gather_columns(table, 0, indices, mask)
     return vec3(x, y, z)
 
 
 @kernel
 def gather_rows3(array, row, indices, mask):
-    """Load rows row to row + 2 of the columns that `indices` names, as `gather3` does."""
+    """Load rows row to row + 2 of the columns `indices`; lanes outside the mask are 0."""
     return vec3(
         gather_row(array, row, indices, mask),
         gather_row(array, row + 1, indices, mask),
@@ -285,23 +285,23 @@ def gather_rows3(array, row, indices, mask):
 
 @kernel
 def append3(array, i, a, mask):
-    """Store the masked lanes side by side from column i on."""
+    """Store the masked lanes of a vector contiguously from column i on."""
     append_row(array, 0, i, a.x, mask)
     append_row(array, 1, i, a.y, mask)
     append_row(array, 2, i, a.z, mask)
 
 
 # -------------------------------------------------------------------------------- local
-# Small arrays on the processor's stack, for traversals: no allocation, no counting.
+# Small arrays on the stack, for traversals: no allocation, no reference counting.
 
-_CACHE_LINE = 64  # bytes, as many as sixteen lanes: none of their loads touches two lines
+_CACHE_LINE = 64  # bytes, as many as 16 float32: no load of 16 lanes crosses two lines
 
 
 def _reserve(builder: ir.IRBuilder, whole: ir.Type) -> ir.Value:
-    """Take room in the function's frame, uninitialised.
+    """Reserve uninitialised memory in the function's stack frame.
 
-    Numba's `alloca_once` stores zeros there, as one value of thousands of elements: LLVM
-    worked at that for 2.8 of the 20.7 s that the wide hierarchy and its scene compiled.
+    Numba's `alloca_once` stores zeros, as one value of thousands of elements. That cost
+    LLVM 2.8 of the 20.7 s that the wide hierarchy and its scene compiled.
     """
     with builder.goto_entry_block():
         memory = builder.alloca(whole)
@@ -310,7 +310,7 @@ def _reserve(builder: ir.IRBuilder, whole: ir.Type) -> ir.Value:
 
 
 def _array_of(context: Any, builder: Any, array: types.Array, shape: Any) -> Any:
-    """Return an array of a constant shape in the function's frame."""
+    """Return an array of constant shape in the function's stack frame."""
     item = context.get_data_type(array.dtype)
     memory = _reserve(builder, ir.ArrayType(item, math.prod(shape)))
     bytes_each = context.get_abi_sizeof(item)
@@ -362,23 +362,23 @@ def _local_rows(element: types.Number, layout: str = "C") -> Any:
     return local_rows
 
 
-# `local_i32(64)` is 64 uninitialised numbers that live as long as the function; a constant
-# size only. Not to be returned.
+# `local_i32(64)` is 64 uninitialised numbers that live as long as the function. The size
+# must be a constant, and the array must not be returned.
 local_i32 = _local_array(types.int32)
 local_i64 = _local_array(types.int64)
 local_f32 = _local_array(types.float32)
 local_f64 = _local_array(types.float64)
 
-# `local_rows_f32(3, 64)` is three rows of them: one value of seven fields to hand to every
-# kernel, where three arrays are 21.
+# `local_rows_f32(3, 64)` is three such rows as one array: seven fields to pass to a kernel
+# instead of 21.
 local_rows_i32 = _local_rows(types.int32)
 local_rows_f32 = _local_rows(types.float32)
-# the same shape, one column of `rows` numbers after the other
+# the same shape in column-major order
 local_columns_f32 = _local_rows(types.float32, "F")
 
 
 # ------------------------------------------------------------------------------- affine
-# Affine maps of rays, points and normals, for one instance or for 16 in lanes.
+# Affine maps of rays, points and normals, as scalars or in 16 lanes.
 
 
 class Affine(NamedTuple):
@@ -392,7 +392,7 @@ class Affine(NamedTuple):
 
 @kernel
 def affine_at(numbers, k):
-    """Return map k of rows of `Placements` as scalars."""
+    """Return map k of `Placements.to_world` or `to_object`, as scalars."""
     n = np.int64(12) * k
     return Affine(
         vec3(numbers[n], numbers[n + 1], numbers[n + 2]),
@@ -413,7 +413,7 @@ def _three(numbers, n, mask):
 
 @kernel
 def affine_of(numbers, k, mask):
-    """Return the maps of 16 instances as lanes; zeros outside of the mask."""
+    """Return the maps of 16 instances as lanes; zeros outside the mask."""
     n = k * 12
     return Affine(
         _three(numbers, n, mask),
@@ -437,13 +437,13 @@ def transposed_times(m, a):
 
 @kernel
 def absolute(a):
-    """Return the absolute components of a vector."""
+    """Return the componentwise absolute value of a vector."""
     return vec3(fabs(a.x), fabs(a.y), fabs(a.z))
 
 
 @kernel
 def absolute_times(m, a):
-    """Return what bounds the rounding of m a: the absolute matrix times absolute a."""
+    """Return |m| |a|, which bounds the rounding error of m a."""
     b = absolute(a)
     return vec3(
         dot(absolute(m.x), b),

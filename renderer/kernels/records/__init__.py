@@ -1,1 +1,1 @@
-"""What stages hand on, and what they may look at: flat arrays in named records."""
+"""Records of flat arrays: the state that stages pass on, and the scene that they read."""

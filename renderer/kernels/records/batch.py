@@ -1,4 +1,4 @@
-"""Records that stages hand on: rays, hits, surface points, shadow rays, tiles, tallies."""
+"""Records that stages pass on: rays, hits, surface points, shadow rays, tiles, tallies."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import as_u32
 
 # --------------------------------------------------------------------------------- tile
-# Tiles of the film, and the slots of a tile: one for each sample of each of its pixels.
+# Tiles of the film, and their slots: one slot for each sample of each pixel.
 #
-# 4^level samples of a pixel are traced together. Each has a place on a grid that is
-# 2^level times as fine as the film, where the samples of a pixel lie side by side. A
-# batch is a square of the tile, of 32 x 32 places. So the rays of a batch, and the 16 of
-# a packet, lie as close to each other as those of a film of 4^level times as many pixels.
-# No number depends on it.
+# 4^level samples per pixel are traced together. They are arranged on a fine grid, 2^level
+# times the film's resolution, where the samples of a pixel are adjacent. A batch is a
+# square of 32 x 32 places of that grid. So the rays of a batch, and the 16 rays of a
+# packet, are as coherent as on a film of 4^level times as many pixels. No result depends
+# on this order.
 
 
 class Tile(NamedTuple):
@@ -28,26 +28,26 @@ class Tile(NamedTuple):
     width: int
     height: int
     film_width: int  # of the full film
-    level: int = 0  # 4 ** level samples of each pixel are traced together
-    square: int = 0  # of as many, the first that is traced
-    squares: int = 1  # and how many are traced together
+    level: int = 0  # 4 ** level samples per pixel are traced together
+    square: int = 0  # index of the first square that is traced
+    squares: int = 1  # number of squares that are traced together
 
 
 class SampleKey(NamedTuple):
-    """What the random numbers of samples depend on, with the first of their numbers."""
+    """The keys of samples' random numbers."""
 
-    pixel: Any  # (16,) uint32 number in the full film
-    later: Any  # (16,) uint32 by how much a sample's number is larger than the first one
+    pixel: Any  # (16,) uint32 pixel index in the full film
+    later: Any  # (16,) uint32 sample index minus that of the group's first sample
 
 
 TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
-_SIDE_BITS = 5  # of a place's x, and y, in its square
-_SQUARE_BITS = 10  # of a slot, below the number of its square
+_SIDE_BITS = 5  # bits of x, and of y, within a square
+_SQUARE_BITS = 10  # bits of a slot within its square; the square's index is above
 
 
 @kernel
 def _place(slot, level):
-    """Return the (x, y) of slots on the fine grid; 16 neighbours are 4 x 4 places."""
+    """Return the (x, y) of slots on the fine grid; 16 slots in order are 4 x 4 places."""
     square = slot >> _SQUARE_BITS
     across, down = square & ((1 << level) - 1), square >> level
     x = (slot & 3) | (((slot >> 4) & 7) << 2) | (across << _SIDE_BITS)
@@ -64,7 +64,7 @@ def slot_pixel(slot, level):
 
 @kernel
 def pixel_slot(x, y, later, level):
-    """Return the slot of sample `later`, of those together, of the pixel (x, y)."""
+    """Return the slot of sample `later` of the group at the pixel (x, y)."""
     inside = (1 << level) - 1
     x = (x << level) | (later & inside)
     y = (y << level) | (later >> level)
@@ -76,7 +76,7 @@ def pixel_slot(x, y, later, level):
 
 @kernel
 def sample_key(tile, slot):
-    """Return the key of the random numbers of slots."""
+    """Return the keys of the random numbers of slots."""
     x, y = _place(slot, tile.level)
     inside = (1 << tile.level) - 1
     later = (x & inside) | ((y & inside) << tile.level)
@@ -87,7 +87,7 @@ def sample_key(tile, slot):
 
 @kernel
 def square_of(tile, square):
-    """Return the tile with one square alone."""
+    """Return the tile restricted to one square."""
     return Tile(
         tile.x, tile.y, tile.width, tile.height, tile.film_width, tile.level, square, 1
     )
@@ -95,29 +95,29 @@ def square_of(tile, square):
 
 @kernel
 def has_places(tile):
-    """Return whether the tile's square has a pixel: at an edge of the film it may not."""
+    """Return whether the tile's square has a pixel; at the film's edge it may have none."""
     x, y = slot_pixel(tile.square << _SQUARE_BITS, tile.level)
     return x < tile.width and y < tile.height
 
 
 # -------------------------------------------------------------------------------- tally
-# Counting what an accelerator does for each ray; costs nothing without a tally.
+# Traversal counters per ray; without a tally they cost nothing.
 #
-# Every traversal has a parameter `tally`. Given None, Numba compiles it without the
-# counting; given an array, it compiles a twin that counts.
+# Every traversal has a parameter `tally`. If it is None, Numba compiles no counting; for an
+# array it compiles a second version that counts.
 
 # rows of the array
 NODES = 0  # tree nodes, cells or voxels visited
 BOXES = 1  # tests of the ray against a box or a splitting plane
 PRIMITIVES = 2  # tests of the ray against a primitive
 SAVED = 3  # primitive tests that mailboxing saved
-STACK = 4  # largest number of nodes that waited on the stack
+STACK = 4  # largest stack depth
 ROWS = 5
 NAMES = ("nodes", "box tests", "primitive tests", "mailbox saves", "stack depth")
 
 
 def make_tally(rays: int) -> NDArray[np.int32]:
-    """Return counters at zero, (ROWS, rays), with room for 16 rays more."""
+    """Return counters (ROWS, rays) set to zero, padded by 16 rays."""
     return np.zeros((ROWS, rays + 16), np.int32)
 
 
@@ -140,7 +140,7 @@ def add_to_packet(tally, row, i, count, amount):
 
 @kernel
 def note_stack(tally, i, depth):
-    """Note how many nodes wait for ray i."""
+    """Update the largest stack depth of ray i."""
     if tally is None:
         return
     tally[STACK, i] = max(tally[STACK, i], depth)
@@ -148,7 +148,7 @@ def note_stack(tally, i, depth):
 
 @kernel
 def note_packet_stack(tally, i, count, depth):
-    """Note how many nodes wait for the first `count` of the 16 rays from i on."""
+    """Update the largest stack depth of the first `count` of 16 rays from i on."""
     if tally is None:
         return
     for j in range(i, i + min(count, 16)):
@@ -156,19 +156,19 @@ def note_packet_stack(tally, i, count, depth):
 
 
 # -------------------------------------------------------------------------------- batch
-# A batch of paths as structure of arrays: the records that the stages hand on.
+# A batch of paths as structure of arrays: the records that the stages pass on.
 #
-# All arrays are float32 or int32 with one row for each component. A row has room for
-# `CAPACITY` paths and a padding that is no multiple of a power of two: rows that lie 4 or
-# 8 KB apart fall into the same cache sets, which halved the speed in a trial.
+# All arrays are float32 or int32 with one row per component. A row has room for
+# `CAPACITY` paths and a padding that is no multiple of a power of two. Rows 4 or 8 KB apart
+# would map to the same cache sets, which halved the speed in a trial.
 
-CAPACITY = 1024  # camera rays of a batch: a part of a tile (`Tile`)
+CAPACITY = 1024  # camera rays of a batch: one square of a tile
 PADDING = 48
 
-# bits of what a path has met
-HOLES_ALONE = np.int32(1)  # nothing yet but what rays go straight through
-ROUGH = np.int32(2)  # a smooth lobe
-CAUSTIC = np.int32(4)  # a mirror or glass after that
+# bits of a path's history
+HOLES_ALONE = np.int32(1)  # it has only passed straight through surfaces
+ROUGH = np.int32(2)  # it has scattered at a smooth lobe
+CAUSTIC = np.int32(4)  # it has met a delta lobe after a smooth one
 
 
 class Rays(NamedTuple):
@@ -177,48 +177,48 @@ class Rays(NamedTuple):
     origin: NDArray[np.float32]  # (3, n) world
     direction: NDArray[np.float32]  # (3, n) unit
     throughput: NDArray[np.float32]  # (3, n) product of BSDF * cos / pdf so far
-    pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
+    pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: delta lobe or camera ray
     eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
-    lobe: NDArray[np.int32]  # (n,) of the BSDF that was left, see `bsdfs.kind`
-    slot: NDArray[np.int32]  # (n,) sample of a pixel of the tile: whose path it is
-    point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
-    # (3, n) position of that point, which the origin is offset from; (3, 0): not kept
+    lobe: NDArray[np.int32]  # (n,) lobe that was sampled, see `bsdfs.kind`
+    slot: NDArray[np.int32]  # (n,) sample slot of the path
+    point: NDArray[np.int32]  # (n,) column of the surface point that the ray starts from
+    # (3, n) position of that point, without the offset of `origin`; (3, 0): not kept
     previous: NDArray[np.float32]
-    met: NDArray[np.int32]  # (slots,) bits of what each path has met, if stages need it
+    met: NDArray[np.int32]  # (slots,) history bits of each path, if stages need them
 
 
 class Hits(NamedTuple):
     """The nearest hit of each ray."""
 
     t: NDArray[np.float32]  # (n,) in: the ray's end; out: the hit's distance
-    prim: NDArray[np.int32]  # (n,) primitive id, -1 for a miss
-    u: NDArray[np.float32]  # (n,) the primitive's own coordinates
+    prim: NDArray[np.int32]  # (n,) in: t_max; out: the hit's t
+    u: NDArray[np.float32]  # (n,) coordinates on the primitive
     v: NDArray[np.float32]  # (n,)
-    instance: NDArray[np.int32]  # (n,) -1: none; valid in scenes that have instances
+    instance: NDArray[np.int32]  # (n,) id, -1: none; valid in scenes that have instances
 
 
 class ShadowRays(NamedTuple):
-    """Segments between surface points and lights, with what they carry if unblocked."""
+    """Segments between surface points and lights, with their unoccluded contribution."""
 
     origin: NDArray[np.float32]  # (3, n) world
     direction: NDArray[np.float32]  # (3, n) unit
     t_max: NDArray[np.float32]  # (n,)
     radiance: NDArray[np.float32]  # (3, n) contribution to the pixel
     slot: NDArray[np.int32]  # (n,)
-    # (n,) 1 where something is in between; then the places of those where nothing is
+    # (n,) 1 if occluded; later the indices of the unoccluded rays
     blocked: NDArray[np.int32]
 
 
 class SurfacePoints(NamedTuple):
-    """Hits that have something to do next, grouped by it, with all that shading needs."""
+    """Hits grouped by their next stage, with all that shading needs."""
 
     position: NDArray[np.float32]  # (3, n) world
     wo: NDArray[np.float32]  # (3, n) unit, back along the ray
     normal: NDArray[np.float32]  # (3, n) geometric, unit
     shading_normal: NDArray[np.float32]  # (3, n) unit
-    offset: NDArray[np.float32]  # (n,) how far off the surface new rays start
+    offset: NDArray[np.float32]  # (n,) distance of new ray origins from the surface
     uv: NDArray[np.float32]  # (2, n)
-    tangent: NDArray[np.float32]  # (3, n) dp/du in world, not unit; if `Settings` say so
+    tangent: NDArray[np.float32]  # (3, n) dp/du in world, not unit; if `with_tangents`
     shape: NDArray[np.int32]  # (n,)
     prim: NDArray[np.int32]  # (n,)
     t: NDArray[np.float32]  # (n,)
@@ -226,63 +226,63 @@ class SurfacePoints(NamedTuple):
     pdf: NDArray[np.float32]  # (n,)
     eta: NDArray[np.float32]  # (n,)
     slot: NDArray[np.int32]  # (n,)
-    bsdf: NDArray[np.int32]  # (n,) seen from wo; -1: of another kind than the group's
-    parameters: NDArray[np.float32]  # (rows, n) of that BSDF, textures looked up
+    bsdf: NDArray[np.int32]  # (n,) on the side of wo; -1: of another kind than the group's
+    parameters: NDArray[np.float32]  # (rows, n) of that BSDF, with textures evaluated
     previous: NDArray[np.float32]  # (3, n) as in `Rays`
-    met: NDArray[np.int32]  # (slots,) that of `Rays`
+    met: NDArray[np.int32]  # (slots,) shared with `Rays`
 
 
 class LightSamples(NamedTuple):
-    """One direction to a light for each surface point."""
+    """One light sample per surface point."""
 
     light: NDArray[np.int32]  # (n,)
     wi: NDArray[np.float32]  # (3, n) unit, towards the light
     distance: NDArray[np.float32]  # (n,)
-    radiance: NDArray[np.float32]  # (3, n) arriving, over the density
-    # (n,) [1/sr] given the light, or with its probability if that differs by light; 0: a
-    # point or a direction
+    radiance: NDArray[np.float32]  # (3, n) incident radiance / pdf
+    # (n,) [1/sr] conditional on the light; includes the light's probability if that is not
+    # the same for all lights. 0: a delta light
     pdf: NDArray[np.float32]
 
 
 class MediaWork(NamedTuple):
-    """What integrators of participating media need in addition; empty for the others."""
+    """Additional arrays for participating media; empty for other integrators."""
 
-    medium: NDArray[np.int32]  # (slots,) that each path is in
-    depth: NDArray[np.int32]  # (slots,) segments of each path before this one
-    # (slots,) shape of the surface point of each path, and (3, slots) its normal
+    medium: NDArray[np.int32]  # (slots,) medium id of each path
+    depth: NDArray[np.int32]  # (slots,) number of earlier segments of each path
+    # (slots,) shape of each path's surface point, and (3, slots) its normal
     shape: NDArray[np.int32]
     normal: NDArray[np.float32]
-    collisions: SurfacePoints  # points in media; `bsdf` is the medium
-    # shadow rays on their way: `point` is the number of the shadow ray
+    collisions: SurfacePoints  # scattering events in media; `bsdf` is the medium id
+    # shadow rays that are being traced: `point` is the shadow ray's index
     rays: Rays
     hits: Hits
     points: SurfacePoints
     order: NDArray[np.int32]
     ends: NDArray[np.int64]
-    # by the number of the shadow ray: (n,) the medium it is in, and how far it has to go
+    # (n,) by shadow ray: its medium id, and the remaining distance
     inside: NDArray[np.int32]
     rest: NDArray[np.float32]
-    # (n,) by ray: the integral of the light of lamps nearby (`plugins.media.equiangular`)
+    # (n,) by ray: integral of the light of nearby lamps (`plugins.media.equiangular`)
     lit: NDArray[np.float32]
 
 
 class PaneWork(NamedTuple):
-    """What light samples through panes need; empty where there are none."""
+    """Arrays for light samples through panes; empty if there are none."""
 
-    # (slots,) light ahead of each path that only panes have refracted since its last smooth
-    # lobe, or `NO_AIM`, `SKY_AIM`; and the weight of that light
+    # (slots,) first light ahead of each path, if only panes have refracted it since its
+    # last smooth lobe; or `NO_AIM`, `SKY_AIM`. And the MIS weight of that light
     aim: NDArray[np.int32]
     share: NDArray[np.float32]
     # (slots,) light of each light sample that crosses a pane; `SKY_AIM`: the environment
     sampled: NDArray[np.int32]
-    crosses: NDArray[np.int32]  # (n,) by surface point: 1 where its light sample does
-    # these samples on their way
+    crosses: NDArray[np.int32]  # (n,) by surface point: 1 if its light sample does
+    # the rays of these light samples
     rays: Rays
     hits: Hits
     points: SurfacePoints
     order: NDArray[np.int32]
     ends: NDArray[np.int64]
-    density: NDArray[np.float32]  # (2, n) [1/sr] by ray, and by point
+    density: NDArray[np.float32]  # (2, n) [1/sr] of light samples, by ray and by point
 
 
 NO_AIM = np.int32(-1)
@@ -297,15 +297,15 @@ class Workspace(NamedTuple):
     shadow_rays: ShadowRays
     points: SurfacePoints
     light_samples: LightSamples
-    # (4, slots) place of each sample on the film [pixels], and in [0, 1) on the lens
+    # (4, slots) position of each sample on the film [pixels], and in [0, 1) on the lens
     film: NDArray[np.float32]
-    numbers: NDArray[np.float32]  # (4, n) random numbers for each surface point
-    order: NDArray[np.int32]  # (n,) hits sorted by what they need next
-    ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
+    numbers: NDArray[np.float32]  # (4, n) random numbers per surface point
+    order: NDArray[np.int32]  # (n,) ray indices of the hits, grouped by next stage
+    ends: NDArray[np.int64]  # (kinds + 1,) limits of each kind of BSDF in `order`
     radiance: NDArray[np.float32]  # (channels, slots) of the samples of a tile
     splats: NDArray[np.float64]  # a tile's sums, pixel by pixel, and a row of weights
-    waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
-    tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: not counted
+    waiting: NDArray[np.int64]  # (depths,) waiting rays at each depth of `whitted`
+    tally: NDArray[np.int32] | None  # (ROWS, n) counters of each ray; None: not counted
     media: MediaWork
     panes: PaneWork
 
@@ -323,7 +323,7 @@ def _numbers(capacity: int) -> NDArray[np.int32]:
 
 
 def _aligned(count: int) -> NDArray[np.float64]:
-    """Return numbers of which eight, and so four, share a cache line."""
+    """Return an array aligned so that eight, and so four, numbers share a cache line."""
     raw = np.zeros(count + 8)
     first = -(raw.ctypes.data // 8) % 8
     return raw[first : first + count]
@@ -373,14 +373,14 @@ def _points(
         _row(n),
         _numbers(n),
         _numbers(n),
-        _rows(-(-parameters // 4) * 4, n),  # they are loaded by fours
+        _rows(-(-parameters // 4) * 4, n),  # loaded four at a time
         _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
         met,
     )
 
 
 def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> MediaWork:
-    """Return the arrays for batches of `capacity` paths; 0 for none of them."""
+    """Return arrays for batches of `capacity` paths; 0 allocates none."""
     met, n = _numbers(slots), 2 * capacity
     return MediaWork(
         _numbers(slots),
@@ -400,7 +400,7 @@ def _media_work(capacity: int, slots: int, kinds: int, parameters: int) -> Media
 
 
 def _pane_work(capacity: int, slots: int, kinds: int, parameters: int) -> PaneWork:
-    """Return the arrays for batches of `capacity` paths; 0 for none of them."""
+    """Return arrays for batches of `capacity` paths; 0 allocates none."""
     n, met = 2 * capacity, _numbers(0)
     return PaneWork(
         _numbers(slots),
@@ -436,26 +436,26 @@ def make_workspace(
     Parameters
     ----------
     ray_capacity : int
-        Rays that can wait: `CAPACITY` for a path, more for Whitted's tree.
+        Rays that can be stored: `CAPACITY` for a path, more for `whitted`.
     channels : int
-        Numbers for each pixel: 3, and those of the AOVs.
+        Channels per pixel: 3, or those of the AOVs.
     depths : int
-        Generations of rays that can wait at the same time.
+        Depths of the ray tree, for `whitted`; otherwise 1.
     kinds : int
         Kinds of BSDF in the scene.
     parameters : int
-        Rows that the BSDF with the most parameters needs.
+        Largest number of parameter rows of a BSDF.
     counted : bool
-        Whether the work of the rays is counted.
+        Whether traversal counters are kept.
     previous_points : bool
-        Whether each ray keeps the exact position that it comes from.
+        Whether each ray keeps the exact position that it started from.
     capacity : int
-        Paths of a batch.
+        Paths per batch.
     splat_size : int
-        Pixels on a side of a tile with the filter's border; 0 for the box, which needs no
-        room.
+        Side of a tile with the filter's border [pixels]; 0 for the box, which needs no
+        splats.
     slots : int
-        Samples of a tile that are added to its sums together: of one batch or more.
+        Samples of a tile that are added to its sums together: at least one batch.
     media : bool
         Whether paths go through participating media.
     panes : bool
@@ -472,7 +472,7 @@ def make_workspace(
         _numbers(capacity),
         _numbers(capacity),
     )
-    # a two-sided shape with two kinds of BSDF puts its hits in two groups
+    # a two-sided shape with two kinds of BSDF puts a hit into two groups
     n = 2 * capacity
     points = _points(n, parameters, previous_points, met)
     light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))
@@ -497,7 +497,7 @@ def make_workspace(
 
 @kernel
 def with_rays_and_points(work, rays, hits, points, order, ends):
-    """Return the same workspace, but stages read and write these rays and points."""
+    """Return the workspace with other rays, hits and points for the stages."""
     return Workspace(
         rays,
         hits,

@@ -1,1 +1,1 @@
-"""Paths in participating media, in the order of Mitsuba's `volpath`."""
+"""Replay of paths in participating media, in the order of Mitsuba's `volpath`."""

@@ -1,7 +1,7 @@
-"""What paths and shadow rays carry through media: a throughput in Mitsuba's `volpath`.
+"""The state that a path or shadow ray carries through media; `volpath`: its throughput.
 
-`volpathmis` carries more (`replay.media.spectral_mis`). Here is what the loops of a replay
-need of either of them, and how `volpath` does it.
+`volpathmis` carries more (`replay.media.spectral_mis`). This file declares the operations
+that the loops of a replay need of either state, and implements them for `volpath`.
 """
 
 from __future__ import annotations
@@ -20,136 +20,136 @@ from renderer.kernels.lanes.vectors import gather_rows3, select3, vec3
 from renderer.plugins.media.free_flight import mean
 from renderer.replay.media.record import CHANNEL, PASSED
 
-# 1 / x of a smaller one may be infinite. Its threads round such numbers to 0.
+# 1 / x of a smaller x may be infinite. Mitsuba's threads flush such numbers to 0.
 _LEAST = np.float32(2.0**-126)
 
 
 class Collision(NamedTuple):
-    """What 16 tentative collisions meet, and are: null, or real."""
+    """The medium at 16 tentative collisions, and which of them are null collisions."""
 
     null: Any  # mask
-    share: Any  # probability of a null one
-    majorant: Any  # RGB, as all of these [1/length]
+    share: Any  # probability of a null collision
+    majorant: Any  # RGB [1/length], as all coefficients here
     sigma_n: Any  # of null collisions: majorant - sigma_t
     sigma_s: Any
     sigma_t: Any
     spectral: Any  # mask of media with `has_spectral_extinction`
 
 
-# -------------------------------------------------------- of what paths carry, in lanes
+# ----------------------------------------------- operations on the carried state, in lanes
 
 
 @interface
 def worth(carried: Any) -> Any:
-    """Return the throughput, RGB, that Russian roulette goes by; a path ends at black."""
+    """Return the throughput, RGB, for Russian roulette; a path ends at black."""
 
 
 @interface
 def goes_on(carried: Any) -> Any:
-    """Return which shadow rays carry anything."""
+    """Return the mask of shadow rays with a nonzero throughput."""
 
 
 @interface
 def raised(carried: Any, survival: Any, mask: Any) -> Any:
-    """Return what survivors of the roulette carry."""
+    """Return the state of survivors of the roulette."""
 
 
 @interface
 def after_flight(carried: Any, passed: Any, density: Any, mask: Any) -> Any:
-    """Return what is carried after a flight: T and its densities of each colour, RGB."""
+    """Return the state after a flight with transmittance and densities per colour, RGB."""
 
 
 @interface
 def after_collision(carried: Any, collision: Collision, mask: Any) -> Any:
-    """Return what a path carries after a null or a real collision."""
+    """Return the state of a path after a null or a real collision."""
 
 
 @interface
 def after_ratio(carried: Any, collision: Collision, mask: Any) -> Any:
-    """Return what a shadow ray carries after a collision, which is null for it."""
+    """Return the state of a shadow ray after a collision, by ratio tracking."""
 
 
-# ------------------------------------------------- of the record, which knows where that is
+# ---------------------------------------------- operations on the record that stores states
 
 
 @interface
 def load_path(carry: Any, pixel: Any, throughput: Any, mask: Any) -> Any:
-    """Return what paths of these throughputs carry."""
+    """Return the states of paths, given their throughputs."""
 
 
 @interface
 def keep_path(carry: Any, carried: Any, pixel: Any, mask: Any) -> None:
-    """Store all of it but the throughput, which the ray has."""
+    """Store a path's state except the throughput, which is stored with the ray."""
 
 
 @interface
 def load_shadow_ray(carry: Any, pixel: Any, throughput: Any, mask: Any) -> Any:
-    """Return what shadow rays of these throughputs carry."""
+    """Return the states of shadow rays, given their throughputs."""
 
 
 @interface
 def keep_shadow_ray(carry: Any, carried: Any, pixel: Any, mask: Any, arrives: Any) -> None:
-    """Store all of it but the throughput, and what arrives at the light."""
+    """Store a shadow ray's state except the throughput, and what reaches the light."""
 
 
 @interface
 def own_throughput(carried: Any) -> Any:
-    """Return the throughput that is kept with the ray."""
+    """Return the throughput that is stored with the ray."""
 
 
 @interface
 def begin_path(carry: Any, pixel: int) -> None:
-    """Begin a path at the camera."""
+    """Initialise the state of a path at the camera."""
 
 
 @interface
 def begin_shadow_ray(carry: Any, pixel: int) -> None:
-    """Begin a shadow ray of a pixel's path."""
+    """Initialise the state of a shadow ray of a pixel's path."""
 
 
 @interface
 def throughput_to_light(carry: Any, throughput: Any) -> Any:
-    """Return with which throughput shadow rays begin at points of this one, in lanes."""
+    """Return the initial throughput of shadow rays from points of this throughput."""
 
 
 @interface
 def add_found_light(carry: Any, scene: Any, tile: Any, work: Any, count: int) -> None:
-    """Add the light of what `count` rays have hit, and of the sky."""
+    """Add the emitted light of hits and of the environment, for `count` rays."""
 
 
 @interface
 def note_scattered(carry: Any, tile: Any, rays: Any, first: int, end: int) -> None:
-    """Note that rays `first` to `end` - 1 have just been scattered, or gone straight on."""
+    """Update the state of rays `first` to `end` - 1 after scattering or going straight."""
 
 
 @interface
 def cast_collisions(carry: Any, scene: Any, work: Any, count: int) -> int:
-    """Append to `work.shadow_rays` what light samples at collisions would contribute."""
+    """Append the contributions of light samples at collisions to `work.shadow_rays`."""
 
 
 @interface
 def passed_to_light(carry: Any, pixel: Any, ratio: Any, mask: Any) -> Any:
-    """Return the part, RGB, of the light that shadow rays let through.
+    """Return the transmitted fraction, RGB, of the shadow rays' light.
 
-    `ratio` is `ShadowRays.t_max`, which no ray needs here.
+    `ratio` is `ShadowRays.t_max`, which holds the ratio of densities here.
     """
 
 
 @kernel
 def channel_of(numbers, pixel, mask):
-    """Return which colour chooses the distances of paths."""
+    """Return the colour channel that determines the paths' distances, 0 to 2."""
     return to_i32(gather_row(numbers, CHANNEL, pixel, mask))
 
 
 @kernel
 def of_channel(color, channel):
-    """Return one of three colours."""
+    """Return one of the three components of a colour."""
     return select(channel == 0, color.x, select(channel == 1, color.y, color.z))
 
 
 @kernel
 def any_of(color):
-    """Return where a colour is not black."""
+    """Return the mask of colours that are not black."""
     return (color.x != 0.0) | (color.y != 0.0) | (color.z != 0.0)
 
 
@@ -161,7 +161,7 @@ def rcp(x, mask):
 
 @kernel
 def rcp_or_zero(x):
-    """Return 1 / x of numbers of at least 0; 0 for 0 and for what Mitsuba counts as 0."""
+    """Return 1 / x for x >= 0; 0 if x is 0 or flushed to 0 by Mitsuba."""
     usable = x >= _LEAST
     return select(usable, rcp(x, usable), splat_f32(0.0))
 
@@ -174,24 +174,24 @@ def grey(x):
 
 @kernel
 def scatter3(numbers, row, pixel, color, mask):
-    """Store rows row to row + 2 of the columns `pixel` where the mask is set."""
+    """Store a colour to rows row to row + 2 of the masked columns `pixel`."""
     scatter_row(numbers, row, pixel, color.x, mask)
     scatter_row(numbers, row + 1, pixel, color.y, mask)
     scatter_row(numbers, row + 2, pixel, color.z, mask)
 
 
-# ---------------------------------------------------------------------------------- volpath
+# ------------------------------------------------------------------------------- volpath
 
 
 class Throughput(NamedTuple):
-    """What a path of `volpath` carries."""
+    """The state of a path of `volpath`."""
 
     rgb: Any
-    channel: Any  # which colour chooses distances
+    channel: Any  # colour channel that determines distances
 
 
 class OfThroughput(NamedTuple):
-    """The record of a replay where paths carry it."""
+    """The record of a replay of `volpath`."""
 
     numbers: NDArray[np.float32]  # those of the replay
 

@@ -1,8 +1,8 @@
 """Free flight and shadow rays in media, collision by collision as in Mitsuba.
 
-A path plays Russian roulette before each flight and, but for `volpathmis`, after each null
-collision. A shadow ray is attenuated by ratio tracking [Novak2014] in every medium,
-homogeneous ones included: there it arrives whole or not at all.
+A path plays Russian roulette before each flight and, except in `volpathmis`, after each
+null collision. A shadow ray is attenuated by ratio tracking [Novak2014] in heterogeneous
+and homogeneous media. In a homogeneous medium it either arrives unattenuated or is lost.
 """
 
 from __future__ import annotations
@@ -72,16 +72,16 @@ _INFINITE = np.float32(np.inf)
 class _Step(NamedTuple):
     """One tentative collision of 16 rays."""
 
-    near: Any  # distance to where the medium begins
+    near: Any  # distance to the beginning of the medium
     t: Any  # distance to the collision; infinite if there is none before the end
     majorant: Any  # RGB
     varies: Any  # mask: the medium is heterogeneous
-    valid: Any  # mask: collides before the medium's and the ray's end, and the surface
+    valid: Any  # mask: before the end of the medium and of the ray, and before the surface
 
 
 @kernel
 def _collide(order, medium, channel, origin, direction, end, surface, depth, inside):
-    """Choose the tentative collision at an optical depth, before `end` and the surface."""
+    """Return the tentative collision at an optical depth, before `end` and the surface."""
     media = order.scene.media
     varies = inside & (gather_row(media.majorant, 0, medium, inside) > 0.0)
     majorant = gather3(media.sigma_t, medium, inside)
@@ -103,9 +103,9 @@ def _collide(order, medium, channel, origin, direction, end, surface, depth, ins
 
 @kernel
 def _flown(step, end, crossed):
-    """Return T up to `end` and the density of a flight there, RGB by the channel.
+    """Return the transmittance up to `end` and the density of such a flight, RGB.
 
-    `crossed`: the flight has ended at a surface, and its density is a probability.
+    `crossed`: the flight ended at a surface, and its density is a probability.
     """
     way = end - step.near
     far = ~(way < _INFINITE)
@@ -117,7 +117,7 @@ def _flown(step, end, crossed):
 
 @kernel
 def _collision(media, medium, at, step, spectral, v):
-    """Return what valid tentative collisions meet; null are those of a share above v."""
+    """Return the medium at valid tentative collisions; null if its share exceeds v."""
     valid, majorant = step.valid, step.majorant
     sigma_t = sigma_t_at(media, medium, at, valid)
     sigma_n = select3(step.varies, majorant - sigma_t, sigma_t * 0.0)
@@ -129,7 +129,7 @@ def _collision(media, medium, at, step, spectral, v):
 
 @kernel
 def fly_in_order(order, tile, sample, work, count):
-    """Do as `stages.media.fly`: return how many rays reach their surface, and collide."""
+    """Fly as `stages.media.fly`; return the numbers of rays at surfaces and collisions."""
     scene, replay, state, carry = order.scene, order.replay, work.media, order.carry
     rays, hits, points, numbers = work.rays, work.hits, state.collisions, work.numbers
     settings, media, mis = scene.settings, scene.media, splat_mask(order.mis != 0)
@@ -146,13 +146,13 @@ def fly_in_order(order, tile, sample, work, count):
         eta = load_row(rays.eta, 0, i)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
-        # media go on behind the camera's far plane
+        # a medium continues behind the camera's far plane
         surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
         reaches = collided = after_null = splat_mask(False)
         steps = 0
         while mask_bits(on) != 0 and steps < MOST_STEPS:
             steps += 1
-            # Russian roulette, at every flight
+            # Russian roulette before every flight
             on = on & (mis | any_of(worth(carried)))
             u = draw_each(replay, tile, sample, rays.slot, i, on, numbers)
             survival = largest(worth(carried)) * (eta * eta)
@@ -208,7 +208,7 @@ def fly_in_order(order, tile, sample, work, count):
             eta,
             collided,
         )
-        if hides:  # the camera does not see the environment, through media either
+        if hides:  # a hidden environment is hidden through media too
             reaches = reaches & (~missed | (depth > 0))
         keep_rays(rays, hits, i, kept, throughput, reaches)
         kept += popcount(mask_bits(reaches))
@@ -217,9 +217,9 @@ def fly_in_order(order, tile, sample, work, count):
 
 @kernel
 def attenuate_in_order(order, tile, sample, work, count):
-    """Take `count` shadow rays to what they have hit; note what arrives at the light.
+    """Trace `count` shadow rays up to their hits; store what reaches the light.
 
-    Rays that end on the way, or arrive, have hit nothing afterwards.
+    Rays that end on the way or reach the light are marked as misses.
     """
     scene, replay, state, carry = order.scene, order.replay, work.media, order.carry
     media, rays, hits, numbers = scene.media, state.rays, state.hits, work.numbers
@@ -254,13 +254,13 @@ def attenuate_in_order(order, tile, sample, work, count):
                 break
             far = select(valid, step.t, splat_f32(0.0))
             at = fused_sum(direction, far, origin)
-            # all are null
+            # all collisions are null
             collision = _collision(media, medium, at, step, spectral, splat_f32(-1.0))
             carried = after_ratio(carried, collision, valid)
             origin, rest, surface = at, rest - far, surface - far
             on = valid & goes_on(carried)
             arrives = arrives & ~(valid & ~on)
-        # where none is left a shadow ray ends; `on`: after too many steps
+        # a shadow ray also ends at throughput 0, and (`on`) after too many steps
         ended = arrives | ~goes_on(carried) | on
         keep_shadow_ray(carry, carried, pixel, there, arrives)
         store3(rays.throughput, i, own_throughput(carried))

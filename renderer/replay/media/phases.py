@@ -1,7 +1,7 @@
-"""Directions that Mitsuba's phase functions choose from the same numbers.
+"""Phase function samples from the same random numbers as in Mitsuba.
 
-Each plugin has its own formula for the cosine and its own way around the ray; `isotropic`
-does not look at the ray at all.
+Each plugin has its own formula for the cosine and its own azimuth; `isotropic` samples in
+world space.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Turn(NamedTuple):
 
 @kernel
 def _cosine_of_hg(g, x):
-    """Return the cosine between wi and the way on, negated."""
+    """Return the cosine between wi and the sampled direction, negated."""
     if abs(g) < _EPSILON:
         return _ONE - _TWO * x
     term = (_ONE - g * g) / ((_ONE - g) + (_TWO * g) * x)
@@ -68,16 +68,16 @@ def _turn(media, leaf, x, y):
 
 @kernel
 def sample_phase_in_order(media, medium, wo, x, y, choice, mask):
-    """Return the directions in which paths go on from collisions.
+    """Return the sampled directions of paths at collisions.
 
     Parameters
     ----------
     medium
-        Ids, in lanes; `mask` says which lanes count.
+        Medium ids, in lanes; only those in `mask` count.
     wo
         Unit vectors, back along the rays.
     x, y, choice
-        The pair of numbers, and the one that chooses between phase functions.
+        The pair of random numbers, and the one that chooses a phase function of a mixture.
     """
     s, t = orthonormal_basis(wo)
     direction = wo
@@ -85,7 +85,7 @@ def sample_phase_in_order(media, medium, wo, x, y, choice, mask):
         mine = mask & (medium == np.int32(k))
         if mask_bits(mine) == 0:
             continue
-        # Of a mixture the last one has the smallest numbers.
+        # The smallest numbers choose the last phase function of a mixture.
         first, end = media.phase_begin[k], media.phase_begin[k + 1]
         left, up_to = mine, np.float32(0.0)
         for back in range(end - first):

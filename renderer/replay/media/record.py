@@ -1,7 +1,7 @@
-"""What a replay of `volpath` or `volpathmis` knows in addition, and how it draws.
+"""The record of a replay of `volpath` or `volpathmis`, and its draws of random numbers.
 
-How many numbers a path takes depends on its collisions. So a number is drawn when a path
-needs it, and not at the start of a bounce.
+The number of draws of a path depends on its collisions. So numbers are drawn when a path
+needs them, not at the start of a bounce.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from renderer.scene_file.description import (
 )
 from renderer.scene_file.transforms import place_normals
 
-# rows of `Replay.numbers` behind those of a bounce
-CHANNEL = 10  # the colour by which distances are chosen: 0, 1 or 2
-PASSED = 11  # RGB: what a shadow ray lets through; its red is `TO_DO` before it is traced
+# rows of `Replay.numbers` after those of a bounce
+CHANNEL = 10  # colour channel that determines distances: 0, 1 or 2
+PASSED = 11  # RGB transmittance of a shadow ray; before it is traced, red is `TO_DO`
 ROWS_IN_MEDIA = 14
 TO_DO = np.float32(-1.0)
 
@@ -48,25 +48,25 @@ _UP = np.array([[0, 0, 1]])
 
 
 class InOrder(NamedTuple):
-    """A scene whose paths are traced in Mitsuba's order; columns by medium id."""
+    """A scene traced in Mitsuba's order; columns by medium id."""
 
     scene: Any  # KernelScene
     replay: Replay
-    majorant: NDArray[np.float32]  # (n,) of heterogeneous media, as Mitsuba rounds it
+    majorant: NDArray[np.float32]  # (n,) of heterogeneous media, with Mitsuba's rounding
     spectral: NDArray[np.int32]  # (n,) 1: has_spectral_extinction
     lit: NDArray[np.int32]  # (n,) 1: sample_emitters
-    # (lights,) 1: at a point, or in one direction: always worth a shadow ray to Mitsuba
+    # (lights,) 1: position or direction is a delta; Mitsuba always traces a shadow ray
     delta: NDArray[np.int32]
-    # (15, lights) of a rectangle that shines: its matrix by rows, and its unit normal
+    # (15, lights) of a rectangle light: its 3 x 4 matrix by rows, and its unit normal
     rectangles: NDArray[np.float32]
     mis: int  # 1: in the order of `volpathmis`
-    carry: Any  # what its paths carry (`replay.media.carried`)
+    carry: Any  # record of the state that its paths carry (`replay.media.carried`)
 
 
 def in_order(
     scene: Any, replay: Replay, description: SceneDescription, mis: bool, carry: Any
 ) -> InOrder:
-    """Return the record that `trace_in_order` works on."""
+    """Return the record for `trace_in_order`."""
     media, order = media_of(description), light_order(description)
     count = len(description.shapes) + len(description.emitters) + 1
     delta, rectangles = np.zeros(count, np.int32), np.zeros((15, count), np.float32)
@@ -92,14 +92,14 @@ def in_order(
 
 @kernel
 def sees_own_plane(order, light, position, u, v):
-    """Return whether Mitsuba's density is 0 at (u, v) of the rectangle that a point is on.
+    """Return whether Mitsuba's density at (u, v) is 0, for a point on the rectangle light.
 
-    The direction lies in the rectangle, but for rounding, which decides.
+    The direction lies in the rectangle's plane, so rounding decides.
     """
     m = order.rectangles
     n = column3(m, 12, light)
     if n.x == np.float32(0.0) and n.y == np.float32(0.0) and n.z == np.float32(0.0):
-        return False  # no rectangle
+        return False  # not a rectangle
     x = fused_multiply_add(u, np.float32(2.0), np.float32(-1.0))
     y = fused_multiply_add(v, np.float32(2.0), np.float32(-1.0))
     place = vec3(x, y, np.float32(0.0))
@@ -115,20 +115,20 @@ def sees_own_plane(order, light, position, u, v):
 
 @kernel
 def pixel_of(tile, slot):
-    """Return the number of a slot's pixel in the full film."""
+    """Return the index of a slot's pixel in the full film."""
     x, y = slot_pixel(slot, 0)
     return (y + tile.y) * tile.film_width + x + tile.x
 
 
 @kernel
 def pixels_of(tile, slot):
-    """Return the same of 16 slots."""
+    """Return the indices of the pixels of 16 slots."""
     return as_i32(sample_key(tile, slot).pixel)
 
 
 @kernel
 def draw_each(replay, tile, sample, slots, i, mask, numbers):
-    """Return the next number of each masked slot i to i + 15; `numbers` is written to."""
+    """Return the next number of each masked slot i to i + 15; overwrites `numbers`."""
     bits = mask_bits(mask)
     slot = load_row(slots, 0, i)
     while bits != 0:
@@ -141,7 +141,7 @@ def draw_each(replay, tile, sample, slots, i, mask, numbers):
 
 @kernel
 def draw_depths(replay, tile, sample, slots, i, mask, numbers):
-    """Return -ln(1 - u) of the next numbers, rounded once as the C library does."""
+    """Return -ln(1 - u) of the next numbers u, rounded once as by the C library."""
     u = draw_each(replay, tile, sample, slots, i, mask, numbers)
     bits = mask_bits(mask)
     while bits != 0:
@@ -154,7 +154,7 @@ def draw_depths(replay, tile, sample, slots, i, mask, numbers):
 
 @kernel
 def skip_each(replay, tile, slots, i, mask):
-    """Do as a draw of Mitsuba's that is masked out at the masked slots i to i + 15."""
+    """Advance the masked slots i to i + 15 as Mitsuba does in a masked-out draw."""
     bits = mask_bits(mask)
     slot = load_row(slots, 0, i)
     while bits != 0:
@@ -165,7 +165,7 @@ def skip_each(replay, tile, slots, i, mask):
 
 @kernel
 def draw_channel(replay, tile, sample, slot):
-    """Draw the colour of a path."""
+    """Draw the colour channel of a path."""
     pixel = pixel_of(tile, slot)
     u = next_1d(replay.sequence, pixel, sample)
     channel = min(np.int32(u * np.float32(3.0)), np.int32(2))
@@ -174,7 +174,7 @@ def draw_channel(replay, tile, sample, slot):
 
 @kernel
 def draw_light(replay, tile, sample, slot):
-    """Draw the two numbers of a light; the shadow ray to it is still to be traced."""
+    """Draw the two numbers of a light sample, and mark its shadow ray as untraced."""
     pixel, numbers = pixel_of(tile, slot), replay.numbers
     x, y = next_2d(replay.sequence, pixel, sample)
     numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = x, y
@@ -183,16 +183,16 @@ def draw_light(replay, tile, sample, slot):
 
 @kernel
 def nothing_passes(replay, pixel):
-    """Note that no light arrives at a pixel's path."""
+    """Set the transmittance of a pixel's shadow ray to 0."""
     for c in range(3):
         replay.numbers[PASSED + c, pixel] = np.float32(0.0)
 
 
 @kernel
 def draw_direction(replay, tile, sample, slot):
-    """Draw the numbers of a BSDF or a phase function: the pair comes first.
+    """Draw the numbers of a BSDF or a phase function, the pair first.
 
-    They are arguments of one call, which the wheel's compiler evaluates from the right.
+    They are arguments of one call, which the wheel's compiler evaluates from right to left.
     """
     pixel, numbers = pixel_of(tile, slot), replay.numbers
     x, y = next_2d(replay.sequence, pixel, sample)

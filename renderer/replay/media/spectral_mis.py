@@ -1,15 +1,17 @@
-"""What paths carry in Mitsuba's `volpathmis`: densities of all colours [Miller2019].
+"""The state of paths in Mitsuba's `volpathmis`: densities per colour [Miller2019].
 
-Let p_j be the density with which a path is found when colour j chooses its distances, and f
-its value. As j is chosen at random, the throughput is f / mean(p). The same path may be
-found by light sampling, with densities p'_j. The balance heuristic over both makes it
+Let p_j be the density of a path if colour j determines its distances, and f its value. As
+j is chosen at random, the throughput is f / mean(p). Light sampling may find the same path,
+with densities p'_j. The balance heuristic over both techniques makes the throughput
 1 / (mean(p) / f + mean(p') / f).
 
-Mitsuba keeps all p_j / f_i as matrices, one for each way. Up to rounding a matrix is the
-throughput f_i / mean(p) and the densities p_j / mean(p), which are kept here. Where the
-throughput of one way is 0 only the other counts, as there. The two f differ behind surfaces
-that light goes straight through, and behind null collisions without spectral extinction;
-and roulette knows one way alone. Both are Mitsuba's: such pictures are off.
+Mitsuba stores all p_j / f_i as matrices, one for each technique. Up to rounding a matrix is
+the throughput f_i / mean(p) and the densities p_j / mean(p), which are stored here. As in
+Mitsuba, if the throughput of one technique is 0 only the other counts.
+
+Two faults of Mitsuba are replayed, and bias its pictures. The two f differ behind surfaces
+that light passes straight through, and behind null collisions without spectral extinction.
+And roulette scales one technique only.
 """
 
 from __future__ import annotations
@@ -51,44 +53,45 @@ from renderer.replay.media.carried import (
 )
 from renderer.replay.media.record import PASSED, ROWS_IN_MEDIA, pixel_of
 
-# Rows of `Replay.numbers`. Of a path, and of its shadow ray: the densities; throughput and
-# densities as light sampling has them. Of the ray the throughput is relative to its own.
+# Rows of `Replay.numbers`, for a path and for its shadow ray: the densities, then the
+# throughput and densities of light sampling. Of a shadow ray the latter throughput is
+# relative to that of the ray.
 PATH = ROWS_IN_MEDIA
-LIT, LIT_DENSITIES = 3, 6  # behind these
+LIT, LIT_DENSITIES = 3, 6  # relative to these
 SHADOW = PATH + 9
-FOUND = SHADOW + 9  # RGB: PASSED as it is where directions find the light
+FOUND = SHADOW + 9  # RGB: PASSED for BSDF sampling
 ROWS_OF_MIS = FOUND + 3
 
 
 class Weights(NamedTuple):
-    """A path as one of the two ways finds it."""
+    """The weights of a path in one of the two techniques."""
 
     throughput: Any  # RGB: f / mean(p)
     densities: Any  # RGB: p / mean(p)
 
 
 class BothWays(NamedTuple):
-    """What a path of `volpathmis` carries."""
+    """The state of a path of `volpathmis`."""
 
-    found: Weights  # by the directions that BSDFs and phase functions choose
-    lit: Weights  # by a light sample at the last event
-    channel: Any  # which colour chooses distances
-    one: Any  # mask: its density alone counts (use_spectral_mis is false)
+    found: Weights  # by sampling directions from BSDFs and phase functions
+    lit: Weights  # by a light sample at the last scattering event
+    channel: Any  # colour channel that determines distances
+    one: Any  # mask: only its density counts (use_spectral_mis is false)
 
 
 class OfBothWays(NamedTuple):
-    """The record of a replay where paths carry them."""
+    """The record of a replay of `volpathmis`."""
 
     numbers: NDArray[np.float32]  # those of the replay
     one: int  # 1: use_spectral_mis is false
 
 
-# ---------------------------------------------------------------------------- the weights
+# -------------------------------------------------------------------------------- weights
 
 
 @kernel
 def _weighed(carried, weights, p, f, mask):
-    """Return one way's weights after a step of densities p and values f, RGB by channel."""
+    """Return a technique's weights after a step of densities p and values f, RGB."""
     p = select3(carried.one, grey(of_channel(p, carried.channel)), p)
     densities = weights.densities * p
     sum_of_them = mean(densities)
@@ -102,7 +105,7 @@ def _weighed(carried, weights, p, f, mask):
 
 @kernel
 def unless_void(color, one):
-    """Return a colour; with a single density black, where one component is."""
+    """Return a colour; for a single density, black if one component is 0."""
     all_of_them = (color.x != 0.0) & (color.y != 0.0) & (color.z != 0.0)
     return select3(~one | all_of_them, color, grey(splat_f32(0.0)))
 
@@ -116,9 +119,9 @@ def inverse_of(x):
 
 @kernel
 def balanced(mine, other, ratio, one):
-    """Return a throughput weighed by the balance heuristic.
+    """Return a throughput weighted by the balance heuristic.
 
-    `ratio` is how many times the density of the other way's last step is that of mine.
+    `ratio` is the other technique's density of the last step, divided by that of `mine`.
     """
     x = inverse_of(inverse_of(mine.x) + ratio * inverse_of(other.x))
     y = inverse_of(inverse_of(mine.y) + ratio * inverse_of(other.y))
@@ -196,7 +199,7 @@ def _after_ratio(carried, collision, mask):
     )
 
 
-# ------------------------------------------------------------------------ where they are
+# ----------------------------------------------------------------------- loads and stores
 
 
 @kernel
@@ -276,7 +279,7 @@ def _throughput_to_light(carry, throughput):
 @note_scattered.by(OfBothWays)
 @kernel
 def _note_scattered(carry, tile, rays, first, end):
-    """Begin anew with light sampling at the events of rays; straight on there is none."""
+    """Restart the light-sampling weights where rays have scattered, not where straight."""
     numbers = carry.numbers
     for k in range(first, end):
         if rays.lobe[k] == STRAIGHT:

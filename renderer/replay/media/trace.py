@@ -1,14 +1,17 @@
-"""The loop of Mitsuba's `volpath` and `volpathmis`: our stages, Mitsuba's numbers.
+"""The loop of Mitsuba's `volpath` and `volpathmis`: our stages, Mitsuba's random numbers.
 
-Order of the numbers (Mitsuba, src/integrators/volpath.cpp): the place on the film,
-and that on the lens if there is one; the colour that chooses distances; then for each
-segment one for the roulette, and in a medium one for the distance and one for what the
-collision is, until it is no null collision. At a surface with a smooth part, and at a
-collision: two for a light sample, and one for each tentative collision of the shadow ray;
-two and one for the BSDF or the phase function. In a scene without media, too.
+Order of the numbers (Mitsuba, src/integrators/volpath.cpp):
+
+- the film position, and the lens position if there is a lens;
+- the colour channel that determines distances;
+- per segment, one for the roulette. In a medium, one for the distance and one for the type
+  of collision, until it is no null collision;
+- at a surface with a smooth lobe, and at a collision, also without media in the scene: two
+  for a light sample, one for each tentative collision of the shadow ray, and two and one
+  for the BSDF or the phase function.
 
 `volpathmis` has the same order, with other weights (`replay.media.spectral_mis`). There a
-path of throughput 0 draws one number more, for the roulette, before it ends.
+path of throughput 0 draws one more number, for the roulette, before it ends.
 """
 
 from __future__ import annotations
@@ -75,14 +78,14 @@ from renderer.replay.media.record import (
 )
 from renderer.replay.sequences import BSDF, BSDF_CHOICE
 
-# of a bounce in `scatter`: the roulette was played before the flight
+# value of `bounce` for `scatter`: the roulette was played before the flight
 _NO_ROULETTE = np.int64(-1)
-_NO_LAST = np.int64(1 << 30)  # paths end before the flight, too
+_NO_LAST = np.int64(1 << 30)  # of a depth: paths end before the flight
 
 
 @method_kernel
 def trace_in_order(order, tile, sample, work):
-    """Do as `integrators.volpath.trace_paths`, with the numbers in Mitsuba's order."""
+    """Trace as `integrators.volpath.trace_paths`, with the numbers in Mitsuba's order."""
     count = camera_hits(order.scene, tile, sample, work)
     begin_paths(order, tile, sample, work, count)
     while count > 0:
@@ -98,7 +101,7 @@ def trace_in_order(order, tile, sample, work):
 
 @kernel
 def begin_paths(order, tile, sample, work, count):
-    """Begin the paths of `count` camera rays, whose hits are known."""
+    """Initialise the paths of `count` camera rays, whose hits are known."""
     scene, rays, hits = order.scene, work.rays, work.hits
     begin_in_medium(scene.media, work, count)
     zero = np.int64(0)
@@ -112,7 +115,7 @@ def begin_paths(order, tile, sample, work, count):
 
 @kernel
 def draw_directions(order, tile, sample, work, count, collisions):
-    """Draw the numbers of the BSDFs of `count` hits, and of phase functions."""
+    """Draw the numbers of the BSDFs at `count` hits, and of the phase functions."""
     for k in range(count):
         if work.hits.prim[k] >= 0:
             draw_direction(order.replay, tile, sample, work.rays.slot[k])
@@ -122,7 +125,7 @@ def draw_directions(order, tile, sample, work, count, collisions):
 
 @kernel
 def scatter_in_order(order, tile, sample, work, collisions):
-    """Send paths on from surfaces and collisions; return how many there are."""
+    """Scatter paths at surfaces and collisions; return the number of rays."""
     scene, carry, rays = order.scene, order.carry, work.rays
     count = scatter(scene, tile, sample, _NO_ROULETTE, work)
     note_scattered(carry, tile, rays, np.int64(0), count)
@@ -134,7 +137,7 @@ def scatter_in_order(order, tile, sample, work, collisions):
 
 @kernel
 def next_hits(scene, work, count):
-    """Find what `count` rays hit that were scattered."""
+    """Find the nearest hits of `count` scattered rays."""
     reset_hits(work.hits, np.int64(0), count)
     intersect(scene.groups, work.rays, work.hits, np.int64(0), count, False, None)
     if scene.settings.hide_emitters != 0:
@@ -146,7 +149,7 @@ def next_hits(scene, work, count):
 
 @kernel
 def draw_lights(order, tile, sample, work, count, collisions):
-    """Group hits by BSDF; draw the lights' numbers of smooth ones, and of collisions."""
+    """Group hits by BSDF; draw numbers of light samples for smooth ones and collisions."""
     scene, replay, state = order.scene, order.replay, work.media
     group_by_bsdf(scene, work, np.int64(0), count)
     rays, hits, points = work.rays, work.hits, state.collisions
@@ -169,7 +172,7 @@ def draw_lights(order, tile, sample, work, count, collisions):
 def _wanted(order, tile, samples, slot, i, valid):
     """Return the lanes whose light samples Mitsuba traces a shadow ray for.
 
-    All but those of density 0: also where no light arrives, or the BSDF reflects none.
+    These are all with a nonzero density, even if the light or the BSDF is black.
     """
     light, radiance = load_row(samples.light, 0, i), load3(samples.radiance, i)
     some = fabs(radiance.x) + fabs(radiance.y) + fabs(radiance.z) > 0.0
@@ -181,7 +184,7 @@ def _wanted(order, tile, samples, slot, i, valid):
 
 @kernel
 def _drop_own_planes(order, tile, work, points, count):
-    """Let nothing pass where a rectangle that shines would light itself."""
+    """Set the transmittance to 0 where a rectangle light would light itself."""
     lights, numbers = work.light_samples.light, work.numbers
     for i in range(count):
         light = lights[i]
@@ -195,9 +198,9 @@ def _drop_own_planes(order, tile, work, points, count):
 
 @kernel
 def _begin_shadow_rays(order, tile, state, kept, end, at_surfaces):
-    """Keep one ray of each path, of those from `kept` to `end`; return the new end.
+    """Keep one ray per path of the rays from `kept` to `end`; return the new end.
 
-    A point that stands in two groups has two: all of them may be more than there is room.
+    A point that is in two groups has two rays, and there is not room for all of them.
     """
     rays = state.rays
     for k in range(kept, end):
@@ -224,7 +227,7 @@ def _begin_shadow_rays(order, tile, state, kept, end, at_surfaces):
 
 @kernel
 def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
-    """Note by pixel what the shadow rays of the first `count` points let through."""
+    """Store by pixel the transmittance of the shadow rays of the first `count` points."""
     scene, replay, state = order.scene, order.replay, work.media
     samples, rays, hits = work.light_samples, state.rays, state.hits
     if at_surfaces:
@@ -256,7 +259,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
         intersect(scene.groups, rays, hits, np.int64(0), kept, False, None)
         attenuate_in_order(order, tile, sample, work, kept)
         kept = pass_surfaces(scene, walk, kept)
-    for i in range(count):  # samples of density 0
+    for i in range(count):  # light samples of density 0
         pixel = pixel_of(tile, points.slot[i])
         if replay.numbers[PASSED, pixel] == TO_DO:
             nothing_passes(replay, pixel)
@@ -264,7 +267,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
 
 @kernel
 def _add_light(order, tile, work, cast):
-    """Add what `cast` shadow rays carry, as far as it passes."""
+    """Add the contributions of `cast` shadow rays, times the transmittance."""
     shadow = work.shadow_rays
     for i in range(0, cast, 16):
         mine, slot = first_lanes(cast - i), load_row(shadow.slot, 0, i)
@@ -275,7 +278,7 @@ def _add_light(order, tile, work, cast):
 
 @kernel
 def light_surfaces(order, tile, sample, work):
-    """Add what light samples at surfaces carry."""
+    """Add the direct light at surfaces."""
     scene, points = order.scene, work.points
     count = work.ends[scene.bsdfs.smooth]
     if count == 0 or not samples_lights(scene):
@@ -288,7 +291,7 @@ def light_surfaces(order, tile, sample, work):
 
 @kernel
 def light_collisions(order, tile, sample, work, count):
-    """Add what light samples at `count` collisions carry."""
+    """Add the direct light at `count` collisions."""
     scene, points = order.scene, work.media.collisions
     if count == 0 or not samples_lights(scene):
         return
@@ -303,7 +306,7 @@ def light_collisions(order, tile, sample, work, count):
 
 @kernel
 def _scatter_collisions(order, tile, work, count, end):
-    """Send paths on from their collisions; append their rays and return the new end."""
+    """Sample the phase functions at collisions, append the rays and return the new end."""
     media, replay, rays = order.scene.media, order.replay, work.rays
     points = work.media.collisions
     for i in range(0, count, 16):
@@ -317,6 +320,6 @@ def _scatter_collisions(order, tile, work, count, end):
         pdf = eval_phase(media, medium, -dot(wo, direction), mine)
         lit = gather_row(order.lit, 0, medium, mine) != 0
         alive, throughput = mine & (pdf > 0.0), load3(points.throughput, i)
-        pdf = select(lit, pdf, splat_f32(0.0))  # 0: lights were not sampled there
+        pdf = select(lit, pdf, splat_f32(0.0))  # 0: no light sampling at that event
         end = append_scattered(rays, end, points, i, direction, throughput, pdf, alive)
     return end

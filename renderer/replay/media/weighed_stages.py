@@ -1,7 +1,8 @@
-"""Stages of Mitsuba's `volpathmis` that stand in for the integrators' own.
+"""Stages of Mitsuba's `volpathmis` that replace the integrators' own.
 
-Theirs multiply throughput, light and weight at once. Here a weight needs the densities of
-all colours (`replay.media.spectral_mis`), so that light comes with its density alone.
+The integrators' stages multiply throughput, light and MIS weight at once. Here a weight
+needs the densities of all colours (`replay.media.spectral_mis`), so the stages return light
+and its density separately.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ from renderer.replay.media.spectral_mis import (
 
 @method_kernel
 def scatter_all(bsdf, settings, bounce, points, numbers, start, stop, rays, end):
-    """Do as `scatter_kind` without roulette; a path of throughput 0 goes on, too."""
+    """Scatter as `scatter_kind`, but without roulette and also at throughput 0."""
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -93,7 +94,7 @@ def scatter_all(bsdf, settings, bounce, points, numbers, start, stop, rays, end)
 
 @kernel
 def _append_light(points, samples, i, value, pdf, probability, mask, shadow_rays, cast):
-    """Append light samples times a value; `t_max` is its density over theirs."""
+    """Append light samples times a value; `t_max` holds `pdf` / light pdf."""
     light_pdf = load_row(samples.pdf, 0, i) * probability
     carried = value * load3(samples.radiance, i) / probability
     lit = mask & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
@@ -127,7 +128,7 @@ def _reflect(bsdf, probability, points, samples, start, stop, shadow_rays, cast,
 def reflect_alone(
     bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
 ):
-    """Append what one kind of BSDF reflects of light samples; return the new count."""
+    """Append the light samples reflected by one kind of BSDF; return the new count."""
     return _reflect(
         bsdf, probability, points, samples, start, stop, shadow_rays, cast, False
     )
@@ -137,7 +138,7 @@ def reflect_alone(
 def reflect_all_or_none(
     bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
 ):
-    """Do the same with a single density: nothing, where a colour is not reflected."""
+    """Append them for a single density: black if any colour is not reflected."""
     return _reflect(
         bsdf, probability, points, samples, start, stop, shadow_rays, cast, True
     )
@@ -159,12 +160,12 @@ def _cast_collisions(carry, scene, work, count):
     return cast
 
 
-# -------------------------------------------------------------------- light that is found
+# ------------------------------------------------------------------------------- emission
 
 
 @kernel
 def _note(found, slot, color, pdf, mask):
-    """Note the radiance and the density of lights by slot; both may be scalars."""
+    """Store the radiance and the density of lights by slot; both may be scalars."""
     one = splat_f32(1.0)
     scatter3(found, 0, slot, grey(one) * color, mask)
     scatter_row(found, 3, slot, one * pdf, mask)
@@ -172,7 +173,7 @@ def _note(found, slot, color, pdf, mask):
 
 @method_kernel
 def note_emission(kind, settings, lights, shapes, points, count, found):
-    """Do as `add_emission`, but note what is found, with its density."""
+    """Store emitted radiance and its density, instead of adding it as `add_emission`."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         light, shining = shining_lights(kind, shapes, points, i, count)
@@ -184,7 +185,7 @@ def note_emission(kind, settings, lights, shapes, points, count, found):
 
 @method_kernel
 def note_environment(kind, settings, lights, points, rays, hits, first, count, found):
-    """Do as `add_environment`, but note what is found, with its density."""
+    """Store environment radiance and its density, instead of adding it."""
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(first, first + count, 16):
         valid = first_lanes(first + count - i)
@@ -198,7 +199,7 @@ def note_environment(kind, settings, lights, points, rays, hits, first, count, f
 
 @kernel
 def _into_numbers(work):
-    """Return the same workspace, but what is found goes to its random numbers."""
+    """Return the workspace with its random numbers in place of `radiance`."""
     return Workspace(
         work.rays,
         work.hits,
@@ -237,8 +238,8 @@ def _add_found_light(carry, scene, tile, work, count):
         weight = balanced(load3(rays.throughput, i), lit, ratio, one)
         add_lanes(work.radiance, slot, color * weight, on)
 
-        # of a lamp that light goes straight through Mitsuba keeps the density for what
-        # comes behind it
+        # of a lamp that light passes straight through Mitsuba keeps the density, for what
+        # is behind it
         prim = load_row(hits.prim, 0, i)
         hit = on & (prim >= 0)
         shape = gather_row(scene.primitives.shape, 0, prim, hit)
@@ -252,7 +253,7 @@ INSTEAD = {
     add_emission: note_emission,
     add_environment: note_environment,
 }
-"""Methods of the integrators' stages, and what stands in for them."""
+"""Methods of the integrators' stages -> their replacements."""
 
 INSTEAD_OF_ONE = INSTEAD | {reflect_light: reflect_all_or_none}
-"""The same where use_spectral_mis is false."""
+"""The same for use_spectral_mis = false."""

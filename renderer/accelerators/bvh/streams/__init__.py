@@ -1,1 +1,1 @@
-"""Many rays at a time: packets, beams, and streams through a tree."""
+"""Traversal of many rays at a time: packets, beams and streams."""

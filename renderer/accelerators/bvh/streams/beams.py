@@ -1,11 +1,11 @@
-"""Beams: where the bundles of a batch enter a tree, found once for all of them.
+"""Beams: find the nodes at which the bundles of a batch enter a tree, once per batch.
 
-A beam is the box of the origins of some rays and the box of their directions. A node that
-the beam of a batch (of camera rays, say) does not meet is met by none of its rays
-[Reshetov2005]. What is left of the tree is a list of nodes; each bundle of 16 rays has a
-beam of its own, tested against 16 nodes of the list at once, and begins with those it may
-meet instead of the root. Its rays are tested against them as usual, so that a beam that is
-too wide costs time and no hit.
+A beam is the box of some rays' origins and the box of their directions. If the beam of a
+batch (of camera rays, say) misses a node, all its rays miss it [Reshetov2005]. The
+remaining tree is a list of nodes. Each bundle of 16 rays has a beam of its own, which is
+tested against 16 listed nodes at once; the traversal starts at those it may hit instead of
+at the root. The rays are tested against these nodes as usual, so a beam that is too wide
+costs time but no hit.
 """
 
 from __future__ import annotations
@@ -52,35 +52,35 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import load3, vec3
 
-ENTRIES = 64  # nodes that the bundles of a batch begin with at most
-ROOM = ENTRIES + 16  # of a list, so that 16 may be read behind its last
-# An axis narrows no interval if directions along it have both signs, or are smaller than
-# this share of the largest component.
+ENTRIES = 64  # most nodes in the list of a batch
+ROOM = ENTRIES + 16  # of a list, so that 16 may be read from its last entry
+# An axis does not narrow an interval if the directions along it have both signs, or if one
+# is smaller than this share of the largest component.
 _LEAST_SHARE = np.float32(1e-6)
 _INFINITY = np.float32(np.inf)
 
 
 class Beam(NamedTuple):
-    """The boxes that rays are in, as scalars."""
+    """The boxes of some rays' origins and reciprocal directions, as scalars."""
 
-    low: Any  # least origins, with their margins
+    low: Any  # least origins, minus their margins
     high: Any
-    least: Any  # of 1 / direction; 0 for an axis that narrows nothing
+    least: Any  # of 1 / direction; 0 if the axis narrows nothing
     most: Any
 
 
 class Entries(NamedTuple):
-    """Nodes, from far to near, in one of two lists: the other is what they come from."""
+    """Two lists of nodes, each from far to near; one list is made from the other."""
 
     boxes: Any  # (6, 2 ROOM) float32 lower, then upper corners
-    nodes: Any  # (2, 2 ROOM) int32 the wide node (or ~block), the node of a pair
-    planes: Any  # (48,) float32 of one node's children
-    stack: Any  # (STACK + ROOM,) int32 of a bundle
+    nodes: Any  # (2, 2 ROOM) int32 the wide node (or ~block), and its node among the pairs
+    planes: Any  # (48,) float32 box planes of one node's children
+    stack: Any  # (STACK + ROOM,) int32 traversal stack of a bundle
 
 
 @kernel
 def _least3(v, mask):
-    """Return the least of each component among the lanes of a mask."""
+    """Return the minimum of each component over the lanes of a mask."""
     return vec3(
         smallest(select(mask, v.x, _INFINITY)),
         smallest(select(mask, v.y, _INFINITY)),
@@ -99,7 +99,7 @@ def _most3(v, mask):
 
 @kernel
 def _minimum3(a, b, mask):
-    """Return the lesser where `mask`, else b."""
+    """Return the minimum of a and b where `mask`, else b."""
     return vec3(
         minimum(select(mask, a.x, b.x), b.x),
         minimum(select(mask, a.y, b.y), b.y),
@@ -118,7 +118,7 @@ def _maximum3(a, b, mask):
 
 @kernel
 def _beam(low, high, least, most):
-    """Return the beam of the least and most origins and directions."""
+    """Return the beam from the bounds of origins and directions."""
     x = max(abs(least.x), abs(most.x))
     y = max(abs(least.y), abs(most.y))
     limit = max(max(x, y), max(abs(least.z), abs(most.z))) * _LEAST_SHARE
@@ -144,7 +144,7 @@ def _beam(low, high, least, most):
 
 @kernel
 def _between(enter, leave, lower, upper, low, high, least, most):
-    """Return where a beam enters and leaves boxes at the soonest and the latest."""
+    """Narrow [enter, leave] to the earliest entry and the latest exit along one axis."""
     if least == 0.0:
         return enter, leave
     near, far = (lower - high, upper - low) if least > 0.0 else (upper - low, lower - high)
@@ -155,7 +155,7 @@ def _between(enter, leave, lower, upper, low, high, least, most):
 
 @kernel
 def _meets(beam, lower, upper, zero):
-    """Return the mask of the boxes that a beam may meet; `zero`: of as many lanes."""
+    """Return the mask of the boxes that a beam may hit; `zero` sets the number of lanes."""
     b = beam
     leave = zero + _INFINITY
     enter, leave = _between(
@@ -172,7 +172,7 @@ def _meets(beam, lower, upper, zero):
 
 @kernel
 def _bundle_beam(beam, alike, origin, direction, traced):
-    """Return the beam of 16 rays; `alike` says that all rays start where `beam` does."""
+    """Return the beam of 16 rays; `alike` means that all origins are those of `beam`."""
     low, high = beam.low, beam.high
     if not alike:
         below, above = origin_margins(origin)
@@ -183,7 +183,7 @@ def _bundle_beam(beam, alike, origin, direction, traced):
 
 @kernel
 def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
-    """Push the entries that 16 rays may meet, the nearest last; return beam and number."""
+    """Push the entries that 16 rays may hit, nearest last; return their beam and number."""
     b = _bundle_beam(beam, alike, origin, direction, traced)
     boxes = entries.boxes
     depth = np.int64(0)
@@ -198,7 +198,7 @@ def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
 
 @kernel
 def meets_in_leaf(boxes, block, beam):
-    """Return the bits of those primitives of a block that the rays of a beam may meet."""
+    """Return the bits of the primitives of a block that the rays of a beam may hit."""
     lower = vec3(
         load_eight(boxes, block, 0),
         load_eight(boxes, block, 8),
@@ -214,10 +214,10 @@ def meets_in_leaf(boxes, block, beam):
 
 @kernel
 def find_entries(accel, rays, ends, first, count, entries):
-    """Find where rays first to first + count - 1 enter the tree, up to their ends.
+    """Find the nodes where rays first to first + count - 1 enter the tree before t_max.
 
-    Returns the beam, whether all rays start at one point, and where in `entries` the list
-    begins and how long it is.
+    Returns the beam, whether all rays have one origin, and the begin and length of the
+    list in `entries`.
     """
     inf, minus = splat_f32(_INFINITY), splat_f32(-_INFINITY)
     low, least = vec3(inf, inf, inf), vec3(inf, inf, inf)
@@ -248,10 +248,10 @@ def find_entries(accel, rays, ends, first, count, entries):
 
 @kernel
 def _open_nodes(accel, beam, end, octant, entries):
-    """Put children in the place of their parents, level by level, while there is room.
+    """Replace nodes by their children, level by level, while there is room.
 
-    A list ends where its half of the memory does and grows towards the front: the nearest
-    come first, so that these are opened if not all can be.
+    A list ends at the end of its half of the memory and grows towards the front. The
+    nearest nodes are at its end and are opened first, in case there is no room for all.
     """
     nodes, boxes = entries.nodes, entries.boxes
     count = np.int64(1)
@@ -259,7 +259,7 @@ def _open_nodes(accel, beam, end, octant, entries):
     store_one(nodes, 0, begin, 0)
     store_one(nodes, 1, begin, 0)
     for row in range(3):
-        # all there is; its own box is tested by each bundle
+        # unbounded: each bundle tests the root's own box
         store_one(boxes, row, begin, np.float32(-np.inf))
         store_one(boxes, 3 + row, begin, np.float32(np.inf))
     while True:
@@ -284,7 +284,7 @@ def _open_nodes(accel, beam, end, octant, entries):
 
 @kernel
 def _children_between(accel, node, axis, enter, leave, planes, low, high, least, most):
-    """Narrow what a beam has of the children of a node by an axis; note their planes."""
+    """Narrow the intervals of a node's children by one axis; store their planes."""
     octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis
     word = node * WIDE_WORDS + axis
     unit = load_one(accel.floats, 0, word + SCALE)
@@ -297,7 +297,7 @@ def _children_between(accel, node, axis, enter, leave, planes, low, high, least,
 
 @kernel
 def _open_one(accel, node, beam, end, octant, entries, last):
-    """Write the children that the beam meets before `last`; return where they begin."""
+    """Write the children that the beam may hit before `last`; return where they begin."""
     nodes, boxes, planes = entries.nodes, entries.boxes, entries.planes
     word = node * WIDE_WORDS + CHILD
     children = load_eight(accel.integers, 0, word)

@@ -1,9 +1,9 @@
-"""Bundles of rays: 16 coherent rays go through a binary tree together.
+"""Bundles: 16 coherent rays traverse a binary tree together.
 
 Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
-fetched once and tested against all 16 at once; what no ray of the bundle enters is
-skipped. Shadow rays are tested one by one where few of them enter a leaf. Where a bundle
-begins, and which primitives of a leaf it may meet, its beam tells (`beams`). Measured in
+fetched once and tested against all 16. Nodes that no ray of the bundle enters are skipped.
+If few shadow rays enter a leaf, they are tested there one by one. The bundle's beam gives
+its start nodes and the primitives of a leaf that it may hit (`beams`). Measurements:
 docs/performance.md, "Compared with Embree".
 """
 
@@ -55,10 +55,10 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.kernels.records.batch import BOXES, NODES, add_to_packet, note_packet_stack
 
-# At most `MAX_DEPTH` = 60 edges to a leaf, and what a bundle begins with
+# a leaf is at most `MAX_DEPTH` = 60 edges deep, and a bundle starts with a list
 STACK = 64 + ROOM
 _LISTS = 2 * ROOM
-BATCH = 1024  # rays that are looked at together before they go in bundles
+BATCH = 1024  # rays that share one beam and its list of start nodes
 
 
 class PairedBvh(NamedTuple):
@@ -70,7 +70,7 @@ class PairedBvh(NamedTuple):
 
 
 class Bundle(NamedTuple):
-    """16 rays, and what their box tests need."""
+    """16 rays, prepared for box tests."""
 
     inverse: Any  # 1 / direction
     to_lower: Any  # origin moved up by the margin, times inverse
@@ -88,9 +88,9 @@ def _bundle_of(origin, direction):
 def _bundle_enters(floats, node, bundle, t):
     """Return the mask of the rays that enter a node's box before t.
 
-    (b - o) / d as b / d - o / d, with o / d made once. Its rounding error is that of
-    moving the plane by 2^-23 (|b| + |o|), or less where it is one step of the processor;
-    boxes and origins are padded by 16 times that.
+    (b - o) / d is computed as b / d - o / d, with o / d computed once. The rounding error
+    is that of moving the plane by 2^-23 (|b| + |o|), or less with a fused multiply-add.
+    Boxes and origins are padded by 16 times that.
     """
     inverse = bundle.inverse
     x0 = multiply_add(inverse.x, load_one(floats, 0, node), -bundle.to_lower.x)
@@ -109,7 +109,7 @@ def _bundle_enters(floats, node, bundle, t):
 
 @kernel
 def _signs(direction):
-    """Return bits 0, 1, 2: whether the first ray goes down the x, y, z axis."""
+    """Return bits 0, 1, 2: whether the first ray's direction is negative in x, y, z."""
     x = 1 if lane(direction.x, 0) < 0.0 else 0
     y = 2 if lane(direction.y, 0) < 0.0 else 0
     z = 4 if lane(direction.z, 0) < 0.0 else 0
@@ -118,7 +118,7 @@ def _signs(direction):
 
 @kernel
 def trace_bundles(accel, query, first, count, tally):
-    """Answer a query for rays first to first + count - 1, 16 at a time."""
+    """Answer a query for rays first to first + count - 1, in bundles of 16."""
     entries = Entries(
         local_rows_f32(6, _LISTS),
         local_rows_i32(2, _LISTS),
@@ -132,7 +132,7 @@ def trace_bundles(accel, query, first, count, tally):
 
 @kernel
 def _trace_batch(accel, query, first, count, tally, entries):
-    """Trace the bundles of a batch from where its beam enters the tree."""
+    """Trace the bundles of a batch from the start nodes of its beam."""
     pairs, any_hit, stack = accel.pairs, query.any_hit, entries.stack
     floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
     beam, alike, begin, n = find_entries(accel, query, query.ends, first, count, entries)

@@ -1,8 +1,7 @@
-"""Streams through the wide tree.
+"""Stream traversal of the wide tree.
 
-The rays of an octant of directions go together. For them near and far planes are the same,
-and children come in one order. A list that has become short is handed over to the rays
-that go one by one (`wide_rays`).
+The rays of one octant of directions are traced together: they share near and far planes
+and the order of children. A list that has become short is traced ray by ray (`wide_rays`).
 """
 
 from __future__ import annotations
@@ -83,10 +82,11 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.plugins.shapes.blocks import WIDTH
 
-# Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
+# Lists of no more rays are traced ray by ray; from 3 to 8 some meshes gain, others lose.
 SHORT = 6
-# Rays from farther than this many times the tree's reach go one by one: boxes are larger by
-# the margin of the farthest origin. With one at 1e6 a thousand others tested all.
+# Rays from farther away than this many times the tree's reach are traced one by one: the
+# boxes of a stream are padded by the margin of its farthest origin. With one ray at 1e6, a
+# thousand others tested all boxes.
 NEAR = np.float32(8.0)
 _INFINITY = np.float32(np.inf)
 _LISTS = (MAX_DEPTH + 2) * LEVEL
@@ -94,12 +94,12 @@ _STACK = WAITING_WORDS * STACK
 
 
 class OctantTree(NamedTuple):
-    """The wide tree, as the rays of one octant go down it."""
+    """The wide tree, with the state of one octant's traversal."""
 
     accel: Any  # a `WideBvh`
     octant: int
-    margin: float  # float32 that boxes are larger by for all rays
-    short: int  # lists of no more rays are handed over
+    margin: float  # float32 padding of boxes, for all rays
+    short: int  # lists of no more rays are traced ray by ray
 
 
 @kernel
@@ -120,8 +120,7 @@ def trace_stream(accel, query, first, count, tally):
             n = select_octant(begin, end, octant, octants, rays)
             if n == 0:
                 continue
-            # boxes are larger by the largest margin, where that of each ray would be
-            # three numbers more to gather
+            # one padding for all rays: their own margins would be three more gathers
             margin = lay_out(query, rays, n)
             short = n if few or octant == AFAR else np.int64(SHORT)
             tree = OctantTree(accel, octant, margin, short)
@@ -157,7 +156,7 @@ def _visit(tree, query, stream, node, place, m, depth, tally):
 descend.by(OctantTree)(descend_tree)
 
 
-# ------------------------------------------------------------------------- nodes
+# ------------------------------------------------------------------------------- nodes
 
 
 @kernel
@@ -177,8 +176,8 @@ def _divide(tree, node, stream, place, m, depth):
 
 @kernel
 def _write_planes(accel, node, axis, down, margin, planes):
-    """Write where the children's boxes begin and end along an axis, near planes first."""
-    # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
+    """Write the planes of the children's boxes along an axis, near planes first."""
+    # bytes are lower, upper, lower: from the second on, near planes are the upper ones
     octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis + 8 * down
     word = node * WIDE_WORDS + axis
     unit = load_one(accel.floats, 0, word + SCALE)
@@ -192,9 +191,9 @@ def _write_planes(accel, node, axis, down, margin, planes):
 
 @kernel
 def _enter_children(stream, place, left, masks, size):
-    """Test the next 16 rays of a list, or as many as are left, against all children.
+    """Test the next 16 rays of a list, or the `left` remaining, against all children.
 
-    (b - o) / d as b / d - o / d, as for bundles, with the same bound of its rounding.
+    (b - o) / d is computed as b / d - o / d, with the rounding bound of `_bundle_enters`.
     """
     live = first_lanes(left)
     ray = load_row(stream.lists, 0, place)
@@ -203,7 +202,7 @@ def _enter_children(stream, place, left, masks, size):
     inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
     t = select(live, t, ENDED)
     planes = stream.planes
-    if HAS_AVX2_ONLY:  # two loops: 16 rays and their distances are more than its registers
+    if HAS_AVX2_ONLY:  # two loops: 16 rays and their distances exceed the registers
         for k in range(size):
             low = _enters(
                 planes, k, lower_half3(inverse), lower_half3(start), lower_half(t)
@@ -225,7 +224,7 @@ def _enter_children(stream, place, left, masks, size):
 
 @kernel
 def _enters(planes, k, inverse, start, t):
-    """Return the bits of the rays that enter child k before their end t."""
+    """Return the bits of the rays that enter child k before t_max."""
     always_inline()
     x0 = multiply_add(inverse.x, load_one(planes, 0, k), -start.x)
     x1 = multiply_add(inverse.x, load_one(planes, 0, k + 8), -start.x)
@@ -238,12 +237,12 @@ def _enters(planes, k, inverse, start, t):
     return mask_bits(enter <= minimum(leave * STRETCH, t))
 
 
-# --------------------------------------------------------------------- short lists
+# ------------------------------------------------------------------------- short lists
 
 
 @kernel
 def _hand_over(accel, query, stream, place, m, node, tally):
-    """Let the rays of a list go on one by one."""
+    """Trace the rays of a list one by one, from this node on."""
     queue = (place + m + 15) & ~15
     going = np.int64(0)
     for i in range(0, m, 16):

@@ -1,17 +1,16 @@
-"""Streams: all rays of a batch go down a tree of eight together, as lists of their places.
+"""Streams: all rays of a batch traverse a tree of eight together, as lists of indices.
 
-At a node the list of the rays that entered it is tested against its children, 16 rays at a
-time and without a branch that a single ray decides; those that enter a child are its list
-[Barringer2014] [Fuetterling2015]. So it does not matter whether neighbours in the
-batch go the same way, only that enough of the batch do, as the rays of a tile after a
-bounce: docs/performance.md, "Streams".
+At a node its list of rays is tested against the children, 16 rays at a time and without a
+branch per ray. The rays that enter a child form the child's list [Barringer2014]
+[Fuetterling2015]. So neighbours in the batch need not go the same way; enough rays of the
+whole batch must, as those of a tile after a bounce do: docs/performance.md, "Streams".
 
-What happens at a node and at a leaf is chosen by the class of the tree (`visit`): the tree
-of one group of primitives (`ray_streams`), that over instances, whose leaves enter another
-tree, and that of an instance's group (`instances.instance_streams`).
+The class of the tree selects what happens at a node and at a leaf (`visit`). It is the
+tree of one group of primitives (`ray_streams`), the tree over instances, whose leaves enter
+another tree, or the tree of an instance's group (`instances.instance_streams`).
 
-A child waits with the place of its parent's list and a mask for each 16 of its rays: the
-child's own list is written when its turn comes.
+A child on the stack stores where its parent's list is, and a mask for each 16 of those
+rays. The child's own list is written when it is popped.
 """
 
 from __future__ import annotations
@@ -33,43 +32,43 @@ from renderer.kernels.lanes.memory import (
     store_row,
 )
 
-# A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
+# Per level: its list, and 16 bits for each of eight children and 16 rays, as int32.
 LEVEL = ROW + ROW // 2 + 32
-# words of a child
+# words of a child on the stack
 _NODE = 0  # or ~leaf
-_LIST = 1  # where its parent's list begins
+_LIST = 1  # index of its parent's list
 _LENGTH = 2  # of that list
-_MASKS = 3  # where the bits of those that entered the child begin, eight words apart
+_MASKS = 3  # index of the masks of rays that entered the child, eight words apart
 WAITING_WORDS = 4
 
 
 class Stream(NamedTuple):
-    """The rays of a stream, and which of them go where."""
+    """The rays of a stream, and the lists of a traversal."""
 
     rays: StreamRays
-    counted: Any  # (ROW,) int32 of each ray: its column in the tally
-    lists: Any  # (levels * LEVEL,) int32 places of rays, and masks
-    stack: Any  # (children * WAITING_WORDS,) int32 children that wait
-    planes: Any  # (48,) float32 of each axis 16 numbers of a node's boxes
-    entered: Any  # (16,) int32 whether any ray entered the child
+    counted: Any  # (ROW,) int32 column of each ray in the tally
+    lists: Any  # (levels * LEVEL,) int32 lists of ray indices, and masks
+    stack: Any  # (children * WAITING_WORDS,) int32 children to visit
+    planes: Any  # (48,) float32 box planes of a node's children, 16 per axis
+    entered: Any  # (16,) int32 nonzero if any ray entered the child
 
 
 @interface
 def visit(tree, query, stream, node, place, m, depth, tally):
-    """Let a list of m rays visit a node or ~leaf; return the depth with its children."""
+    """Visit a node or ~leaf with a list of m rays; return the new stack depth."""
 
 
 @interface
 def descend(tree, query, stream, node, place, m, depth, tally):
-    """Let a list of m rays go down a tree from a node or ~leaf on, the nearest child first.
+    """Traverse the subtree of a node or ~leaf with a list of m rays, nearest child first.
 
-    `depth` children wait on the stack already, and stay there.
+    The `depth` children already on the stack stay there.
     """
 
 
 @kernel
 def descend_tree(tree, query, stream, node, place, m, depth, tally):
-    """Implement `descend` for any tree that `visit` knows."""
+    """Implement `descend` for all trees that have a `visit`."""
     floor = depth
     while True:
         depth = visit(tree, query, stream, node, place, m, depth, tally)
@@ -81,14 +80,14 @@ def descend_tree(tree, query, stream, node, place, m, depth, tally):
 
 @kernel
 def list_all(lists, place, n):
-    """List places 0 to n - 1."""
+    """Write the list 0 to n - 1."""
     for i in range(0, n, 16):
         store_row(lists, 0, place + i, lane_index() + np.int32(i))
 
 
 @kernel
 def add_nodes(tally, stream, place, m, depth):
-    """Count that the rays of a list are tested against a node's children."""
+    """Count a test of a list's rays against a node's children."""
     if tally is None:
         return
     for j in range(place, place + m):
@@ -97,15 +96,15 @@ def add_nodes(tally, stream, place, m, depth):
 
 @kernel
 def push_children(nodes, node, octant, size, stream, place, m, masks, depth):
-    """Push the children that any ray of a list entered, the nearest last; return the depth.
+    """Push the children that any ray entered, nearest last; return the new depth.
 
-    They come in the order for an octant of directions. The list of m rays is at a place,
-    and the masks of those that entered a child are behind it.
+    The order is that of an octant of directions. The list of m rays is at `place`; its
+    masks are at `masks`, behind it.
     """
     word = node * WIDE_WORDS + CHILD
     order = np.int64(load_one(nodes.order, 0, 8 * node + octant))
     for _ in range(size):
-        # without a branch: what no ray has entered is written over
+        # no branch: a child that no ray entered is overwritten
         k = order & 7
         order >>= 4
         at = WAITING_WORDS * depth
@@ -119,14 +118,14 @@ def push_children(nodes, node, octant, size, stream, place, m, masks, depth):
 
 @kernel
 def pop_child(stream, depth):
-    """Write the list of the child at a depth; return the child, where, and the length."""
+    """Write the list of the child at a depth; return the child, its list and its length."""
     lists = stream.lists
     at = WAITING_WORDS * depth
     node = np.int64(load_one(stream.stack, 0, at + _NODE))
     parent = np.int64(load_one(stream.stack, 0, at + _LIST))
     length = np.int64(load_one(stream.stack, 0, at + _LENGTH))
     masks = np.int64(load_one(stream.stack, 0, at + _MASKS))
-    # behind the masks, and so behind all that waits
+    # behind the masks, and so behind all lists in use
     place = (masks + (length + 15) // 16 * 8 + 15) & ~15
     m = np.int64(0)
     for i in range(0, length, 16):

@@ -1,8 +1,8 @@
-"""What the rays of a list meet in a leaf: one by one, or 16 of them together.
+"""Leaves of streams: test the rays one by one against eight primitives, or 16 rays at once.
 
 Leaves of large meshes hold seven of eight primitives on average. With AVX2 even 16 rays
-take no longer one by one than together, fewer take less, and their numbers are neither
-gathered nor scattered.
+take no longer one by one than together. Fewer rays take less time, and one by one no hit
+is gathered or scattered.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def intersect_one_by_one(blocks, first, end, query, rays, lists, place, m, tally
 
 @kernel
 def intersect_together(primitives, start, end, query, rays, lists, place, m):
-    """Test each 16 rays of a list against one primitive after the other."""
+    """Test 16 rays of a list at a time against each primitive."""
     zero = np.int64(0)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
@@ -80,7 +80,7 @@ def intersect_together(primitives, start, end, query, rays, lists, place, m):
             primitives, start, end, origin, direction, before, None, zero, zero
         )
         found = live & (near.prim != prim)
-        if mask_bits(found) != 0:  # scattering nothing takes as long as something
+        if mask_bits(found) != 0:  # an empty scatter takes as long as any other
             _store(query, rays, ray, number, near, found)
 
 

@@ -1,1 +1,1 @@
-"""The tree with eight children a node: built, checked, and traversed by one ray."""
+"""The tree of eight children per node: build, checks, and traversal by single rays."""

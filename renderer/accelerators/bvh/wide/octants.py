@@ -1,6 +1,6 @@
-"""The rays of a stream: chosen by octant, and laid out with what box tests need.
+"""The rays of a stream: select them by octant, and store them as box tests need them.
 
-For rays whose directions are of one octant, near and far are the same sides of boxes.
+For rays with directions in one octant, the near and far planes of boxes are the same.
 """
 
 from __future__ import annotations
@@ -35,37 +35,37 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import gather3, load3
 
-# Rays that go together at most. 4096 are 1.05 to 1.2 times as fast as 1024 in trees of
-# 100,000 to a million triangles; those of one octant fit into the first cache.
+# Rays in a stream. 4096 are 1.05 to 1.2 times as fast as 1024 in trees of 100,000 to a
+# million triangles; those of one octant fit into the first cache.
 STREAM = 4096
 ROW = STREAM + 32
-AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
-_NOT_TRACED = 9  # and rays that hit nothing: not finite, or blocked already
-ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
+AFAR = 8  # instead of an octant: origins so far that their margin would inflate all boxes
+_NOT_TRACED = 9  # rays that cannot hit: not finite, or blocked already
+ENDED = np.float32(-1.0)  # t_max of a ray that enters no more boxes
 # rows of `StreamRays.for_boxes`
 INVERSE = 0  # 3 rows: 1 / direction
-T = 3  # where a ray ends
+T = 3  # t_max
 START = 4  # 3 rows: origin / direction
-MARGIN = 7  # that boxes are larger by for this ray
+MARGIN = 7  # padding of boxes for this ray
 # rows of `StreamRays.for_leaves`
 ORIGIN = 0  # 3 rows, and one unused
 DIRECTION = 4  # 3 rows, and one unused
 
 
 class StreamRays(NamedTuple):
-    """The rays of a stream, side by side."""
+    """The rays of a stream, each stored contiguously."""
 
-    number: Any  # (ROW,) int32 of each ray: its column in the arrays of the query
-    # both (8, ROW) float32, column by column: a ray's numbers are side by side
+    number: Any  # (ROW,) int32 column of each ray in the query's arrays
+    # both (8, ROW) float32 in column order: the numbers of a ray are contiguous
     for_boxes: Any
     for_leaves: Any
 
 
 @kernel
 def write_octants(query, begin, end, near, divided, octants):
-    """Note the octant of each direction; 0 for all if rays are not `divided` by octant.
+    """Write the octant of each direction; 0 for all unless `divided`.
 
-    Rays from where |x| + |y| + |z| is more than `near` are `AFAR`.
+    Rays that start where |x| + |y| + |z| exceeds `near` get `AFAR`.
     """
     one, none = splat_i32(1), splat_i32(0)
     for i in range(begin, end, 16):
@@ -84,7 +84,7 @@ def write_octants(query, begin, end, near, divided, octants):
 
 @kernel
 def _blocked(query, i):
-    """Return which of 16 rays are blocked already."""
+    """Return the mask of those of 16 rays that are blocked already."""
     if query.any_hit == 0:
         return splat_mask(False)
     return load_row(query.prim, 0, i) != 0
@@ -104,7 +104,7 @@ def select_octant(begin, end, octant, octants, rays):
 
 @kernel
 def lay_out(query, rays, n):
-    """Write what the tests of n rays need; return the largest of their margins."""
+    """Write n rays in the layout of the tests; return the largest of their margins."""
     margin = splat_f32(0.0)
     for i in range(0, n, 16):
         live = first_lanes(n - i)
@@ -117,7 +117,7 @@ def lay_out(query, rays, n):
 
 @kernel
 def write_rays(rays, i, o, d, t):
-    """Write 16 rays to places i to i + 15; return their `origin_margins`."""
+    """Write 16 rays to indices i to i + 15; return their margins, see `origin_margins`."""
     r = safe_reciprocal(d)
     margin = (fabs(o.x) + fabs(o.y) + fabs(o.z)) * BOX_MARGIN
     store_columns(rays.for_boxes, INVERSE, i, r.x, r.y, r.z, t)

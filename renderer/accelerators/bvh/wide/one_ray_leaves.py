@@ -1,10 +1,9 @@
-"""What one ray meets in a leaf: all of its eight primitives are tested at once.
+"""Leaves for single rays: all eight primitives of a leaf are tested against one ray.
 
-That needs no other ray. Where 16 rays are at a leaf they can instead be tested together,
-against one primitive after the other. What is cheaper, the width of the processor's vectors
-says: with AVX2 eight lanes are one vector and 16 are two, so that a ray against eight
-primitives takes half of 16 rays against one (docs/performance.md, "Leaves and nodes of
-eight").
+If 16 rays are at a leaf, they can also be tested together against one primitive after the
+other. The SIMD width decides which is cheaper. With AVX2 eight lanes are one vector and 16
+are two, so one ray against eight primitives takes half the time of 16 rays against one
+(docs/performance.md, "Leaves and nodes of eight").
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ from renderer.kernels.records.batch import PRIMITIVES, add_to
 from renderer.plugins.shapes.blocks import WIDTH, primitives_in
 from renderer.plugins.shapes.primitives import hit_primitive
 
-NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
-# Tests of one ray against eight that take as long as one of 16 rays against a primitive:
-# measured with AVX2 and with AVX-512, whose widths would say 1.
+NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and above every id
+# This many tests of one ray against eight take as long as one of 16 rays against a
+# primitive: measured with AVX2, and with AVX-512, whose width suggests 1.
 _EIGHTS_A_TEST = 2
 
 
@@ -49,13 +48,13 @@ class BlockHit(NamedTuple):
 
 @kernel
 def held(blocks, block):
-    """Return how many primitives a block holds."""
+    """Return the number of primitives in a block."""
     return popcount(mask_bits(load_eight(blocks.id, 0, WIDTH * block) >= 0))
 
 
 @kernel
 def count_block(tally, blocks, block, i):
-    """Count that ray i is tested against the primitives of a block."""
+    """Count a test of ray i against the primitives of a block."""
     if tally is not None:
         add_to(tally, PRIMITIVES, i, held(blocks, block))
 
@@ -68,8 +67,8 @@ def hit_block(blocks, block, origin, direction, t_max):
 
 @kernel
 def nearest_in_block(blocks, block, x):
-    """Return the nearest hit of `hit_block`, of equally near ones that of the least id."""
-    # floats that are not negative are ordered as their bits are
+    """Return the nearest hit of `hit_block`; at equal t the least id wins."""
+    # non-negative floats sort as their bits do
     bits = select(x.hit, as_i32(x.t), NEVER)
     t_bits = smallest(bits)
     ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), NEVER)
@@ -80,7 +79,7 @@ def nearest_in_block(blocks, block, x):
 
 @kernel
 def intersect_block(blocks, block, query, rows, ray, tally):
-    """Test a ray, by its place in the rows, against the primitives of a leaf."""
+    """Test a ray, by its index in the rows, against the primitives of a leaf."""
     i = np.int64(load_one(rows.number, 0, ray))
     count_block(tally, blocks, block, i)
     origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
@@ -102,18 +101,18 @@ def intersect_block(blocks, block, query, rows, ray, tally):
         store_one(query.v, 0, i, near.v)
 
 
-# --------------------------------------------------------------------- of a bundle
+# ------------------------------------------------------------------------------- bundles
 
 
 @kernel
 def better_one_by_one(live, bits):
-    """Return whether to test `live` rays one by one, not all against `bits` primitives."""
+    """Return whether one test per live ray is cheaper than one per set bit of `bits`."""
     return popcount(live) <= _EIGHTS_A_TEST * popcount(bits)
 
 
 @kernel
 def blocked_one_by_one(blocks, block, live, query, i, blocked, tally):
-    """Test the `live` rays (bits) one by one; return which of the 16 are blocked."""
+    """Test the rays of the bits `live` one by one; return the mask of blocked rays."""
     while live != 0:
         j = lowest_bit(live)
         live &= live - 1

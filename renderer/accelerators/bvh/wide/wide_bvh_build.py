@@ -1,6 +1,6 @@
-"""From a binary tree to the two forms that are fast to trace: pairs, and nodes of eight.
+"""Convert a binary tree to the two traversal formats: pairs, and nodes of eight.
 
-`pack_pairs` lays siblings side by side, 64 bytes a pair: one cache line. `collapse` pulls
+`pack_pairs` stores siblings together, 64 bytes per pair: one cache line. `collapse` merges
 up to eight descendants into one node of 128 bytes: two lines.
 """
 
@@ -20,28 +20,29 @@ from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.lanes.vectors import local_f64, local_i32
 from renderer.plugins.shapes.blocks import aligned_bytes
 
-# words of a node of a pair
+# words of a node in a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive
 PAIR_COUNT = 7  # leaf: primitives; inner: -1 - order, see `_order_of`
 PAIR_WORDS = 8
 
-# words of a wide node, then its bytes
-ORIGIN = 0  # 3 floats: where byte 0 is
-SCALE = 3  # 3 floats: what a byte counts, a power of two
-CHILD = 6  # 8 integers: 0 nothing, > 0 a node, < 0 the block ~child
+# words of a wide node, and then its bytes
+ORIGIN = 0  # 3 floats: the coordinate of byte 0
+SCALE = 3  # 3 floats: the unit of a byte, a power of two
+CHILD = 6  # 8 integers: 0 empty, > 0 a node, < 0 the block ~child
 WIDE_WORDS = 32
-BOX_BYTES = 56  # byte offset; for each axis 8 lower bounds, 8 upper bounds, 8 lower bounds
+BOX_BYTES = 56  # byte offset; per axis 8 lower bounds, 8 upper bounds, 8 lower bounds again
 AXIS_BYTES = 24
 WIDE_BYTES = 128
 
-# Covers the rounding in here. The traversal's own is at most half a unit in the last place
-# of a coordinate, an eighth of a byte's unit; the 32 of `primitive_bounds` hold it.
+# Padding in units of a byte; it covers the rounding in this file. The traversal's own is
+# at most half a unit in the last place of a coordinate, an eighth of a byte's unit, and is
+# covered by the 32 of `primitive_bounds`.
 _SLACK = 2.0**-10
-_LARGEST_BYTE = 250.0  # leaves room for the rounding of the origin
+_LARGEST_BYTE = 250.0  # room for the rounding of the origin
 
 
 def pack_pairs(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
-    """Return the nodes of a binary tree in pairs; the root is alone in the first.
+    """Return a binary tree's nodes in pairs; the root is alone in the first pair.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def _pack(bounds, child, count, floats, integers):
 
 @kernel
 def _in_pairs(node):
-    """Return where a node of the binary tree is among the pairs."""
+    """Return the index among the pairs of a node of the binary tree."""
     return node + 1 if node > 0 else 0
 
 
@@ -90,14 +91,14 @@ def _order_of(bounds, first):
 def collapse(
     bounds: Any, child: Any, count: Any
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-    """Return the nodes of eight, and where each child is among the pairs.
+    """Return the nodes of eight, and the index of each child among the pairs.
 
-    A leaf's `child` is eight times the number of its block. `wide_bvh_collapse` chooses
-    which nodes of the binary tree they are.
+    A leaf's `child` must be eight times its block number. `wide_bvh_collapse` chooses which
+    binary nodes become children.
     """
     most = max(1, np.count_nonzero(count))
     memory = aligned_bytes(WIDE_BYTES * most)
-    waiting = np.zeros((len(count) + 1, 2), np.int32)  # binary node, wide node
+    waiting = np.zeros((len(count) + 1, 2), np.int32)  # rows of (binary node, wide node)
     pair_of = np.zeros(8 * most, np.int32)
     nodes = _collapse(
         bounds,
@@ -142,11 +143,11 @@ def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of, 
 
 @kernel
 def _quantise(bounds, node, members, size, floats, octets, wide):
-    """Write the boxes of the children in units of a power of two, rounded outwards."""
+    """Write the children's boxes as multiples of a power of two, rounded outwards."""
     for axis in range(3):
         low = np.float64(bounds[node, axis])
         high = np.float64(bounds[node, axis + 3])
-        # flat nodes: a unit that float32 can still add to the coordinate
+        # flat nodes: float32 must be able to add the unit to the coordinate
         least = max(abs(low), abs(high)) * 2.0**-21 + 1e-30
         unit = 2.0 ** np.ceil(np.log2(max((high - low) / _LARGEST_BYTE, least)))
         origin = np.float64(np.float32(low - unit))
@@ -164,7 +165,7 @@ def _quantise(bounds, node, members, size, floats, octets, wide):
 def far_to_near(floats: Any, integers: Any, octets: Any) -> NDArray[np.int32]:
     """Return the order of each node's children for each octant of directions, (8 n,).
 
-    Four bits a child, the farthest first, by their centres along the octant's diagonal.
+    Four bits per child, the farthest first, by their centres along the octant's diagonal.
     """
     order = np.zeros(8 * len(integers) // WIDE_WORDS, np.int32)
     _far_to_near(floats, integers, octets, order)
@@ -181,7 +182,7 @@ def _far_to_near(floats, integers, octets, found):
             if integers[WIDE_WORDS * node + CHILD + k] == 0:
                 continue
             distance[k] = _along_diagonal(floats, octets, node, k, octant)
-            rank = 0  # those with lower k that are farther keep their places
+            rank = 0  # farther children of lower k keep their places
             for j in range(k):
                 rank += 1 if distance[(order >> (4 * j)) & 7] >= distance[k] else 0
             low = (1 << (4 * rank)) - 1
@@ -191,7 +192,7 @@ def _far_to_near(floats, integers, octets, found):
 
 @kernel
 def _along_diagonal(floats, octets, node, k, octant):
-    """Return where the centre of a child is on the way of rays of an octant."""
+    """Return a child's centre along the diagonal of an octant."""
     distance = 0.0
     for axis in range(3):
         octet = WIDE_BYTES * node + BOX_BYTES + AXIS_BYTES * axis + k

@@ -1,6 +1,6 @@
 """Checks of the wide BVH: its nodes of eight children and its binary tree of blocks.
 
-Both reach every block of primitives once, through boxes that contain it.
+Each must reach every block of primitives once, through boxes that contain it.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from renderer.plugins.shapes.extents import Extents
 
 
 def validate_wide(accel: Any, extents: Extents) -> None:
-    """Check that both trees reach every block once and that all boxes hold their contents.
+    """Check that both trees reach every block once, in boxes that enclose their contents.
 
     Parameters
     ----------
     accel
         A `WideBvh`.
     extents
-        What it was built over.
+        The primitive boxes that it was built over.
 
     Raises
     ------
     ValueError
-        If not; the message says which tree, node and block or primitive.
+        Otherwise; the message says which tree, node and block or primitive.
     """
     lower, upper = _boxes_in_blocks(accel.blocks, extents)
     validate_wide_nodes(accel.octets, lower.min(axis=1), upper.max(axis=1))
@@ -50,14 +50,14 @@ def validate_wide(accel: Any, extents: Extents) -> None:
 
 
 def _columns_of(ids: Any, n: int) -> Any:
-    """Return which column of the primitives each id is; check that each is there once."""
+    """Return the column of each primitive id; check that each appears once."""
     if len(ids) != n or len(np.unique(ids)) != n:
         raise ValueError(f"blocks hold {len(np.unique(ids))} of {n} primitives once")
     return np.searchsorted(np.sort(ids), ids)
 
 
 def _boxes_in_blocks(blocks: Any, extents: Extents) -> tuple[Any, Any]:
-    """Return the (blocks, 8, 3) corners of primitives; an empty place holds nothing."""
+    """Return the (blocks, 8, 3) corners of primitives; unused slots have inverted boxes."""
     filled = blocks.id >= 0
     column = _columns_of(blocks.id[filled], extents.lower.shape[1])
     lower = np.full((len(filled), 3), np.inf, np.float32)
@@ -67,7 +67,7 @@ def _boxes_in_blocks(blocks: Any, extents: Extents) -> tuple[Any, Any]:
 
 
 def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
-    """Check that nodes of eight reach every leaf once, in boxes that hold it.
+    """Check that nodes of eight reach every leaf once, through boxes that enclose it.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
     Raises
     ------
     ValueError
-        If not; the message says which node or leaf.
+        Otherwise; the message says which node or leaf.
     """
     nodes = octets.reshape(-1, WIDE_BYTES)
     floats, integers = nodes.view(np.float32), nodes.view(np.int32)
@@ -94,7 +94,7 @@ def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
 
     held_low = np.full((len(nodes), 3), np.inf)
     held_high = -held_low
-    for node in range(len(nodes) - 1, -1, -1):  # children come after their parents
+    for node in range(len(nodes) - 1, -1, -1):  # children have larger indices than parents
         for k in np.flatnonzero(children[node]):
             c = children[node, k]
             if c > 0 and c <= node:
@@ -107,7 +107,7 @@ def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
 
 
 def _validate_ways_across(accel: Any) -> None:
-    """Check that wide nodes and pairs hold the same where one leads to the other."""
+    """Check that a wide node and the pair node it refers to hold the same blocks."""
     children = accel.integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8]
     links = accel.pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
     across = accel.pair_of.reshape(-1, 8)
@@ -146,7 +146,7 @@ def _validate_orders(integers: Any, order: Any) -> None:
 
 
 def _validate_pairs(pairs: Any, blocks: Any, extents: Extents) -> None:
-    """Check the pairs as the binary tree that they are; its leaves are blocks."""
+    """Check the pairs as a binary tree whose leaves are blocks."""
     used = np.arange(len(pairs.floats) // PAIR_WORDS) != 1  # the root is alone in its pair
     boxes = pairs.floats.reshape(-1, PAIR_WORDS)[used, :PAIR_CHILD]
     child, count = pairs.integers.reshape(-1, PAIR_WORDS)[used, PAIR_CHILD:].T
@@ -154,7 +154,7 @@ def _validate_pairs(pairs: Any, blocks: Any, extents: Extents) -> None:
     if (child[leaf] % WIDTH != 0).any():
         raise ValueError("a leaf of the pairs does not begin with a block")
     filled = blocks.id >= 0
-    before = np.cumsum(filled) - filled  # primitives before each place of the blocks
+    before = np.cumsum(filled) - filled  # primitives before each slot of the blocks
     first = np.where(leaf, before.take(child, mode="clip"), child - 1)
     order = _columns_of(blocks.id[filled], extents.lower.shape[1])
     tree = BvhTree(boxes, first, np.where(leaf, count, 0), order)
@@ -165,7 +165,7 @@ def _validate_pairs(pairs: Any, blocks: Any, extents: Extents) -> None:
 
 
 def _require_once(what: str, found: Any, first: int, end: int) -> None:
-    """Check that `found` holds each number first .. end - 1 once, and no other."""
+    """Check that `found` holds each number first .. end - 1 exactly once."""
     numbers, times = np.unique(found, return_counts=True)
     wrong = np.setxor1d(numbers[times == 1], np.arange(first, end))
     if wrong.size:

@@ -1,18 +1,19 @@
-"""Which nodes of a binary tree become nodes of eight: those that rays meet least.
+"""Choose the nodes of a binary tree that become nodes of eight, at least expected cost.
 
-A ray that meets the root's box meets another with a probability of the ratio of their
-surface areas. So what a node n costs that becomes a wide one is
+A ray that hits the root's box hits another with a probability of the ratio of their
+surface areas. So making node n a wide node costs
 
     C(n) = A_n / A_root + C(n, 8),
 
-where C(n, k) is what is below it, if up to k nodes take its place as children:
+where C(n, k) is the cost below n if up to k of its descendants become children of n's wide
+ancestor in its place:
 
     C(n, k) = min over j of C'(left, j) + C'(right, k - j)
 
-with C'(m, k) the lesser of C(m) and C(m, k), and 0 for a leaf, which is there either way
-[Ylitie2017]. That is found from the leaves up. The usual rule replaces the child with the
-largest surface, again and again [Wald2008]. It leaves two children to most nodes above the
-leaves: 1.8 times as many nodes on a mesh of 327,680 triangles.
+Here C'(m, k) is the lesser of C(m) and C(m, k), and 0 for a leaf, which exists in any case
+[Ylitie2017]. The costs are computed bottom-up. The usual rule replaces the child with the
+largest surface area, again and again [Wald2008]. It leaves most nodes above the leaves
+with two children: 1.8 times as many nodes on a mesh of 327,680 triangles.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.vectors import local_i32
 
 CHILDREN = 8
-ROOMS = CHILDREN - 1  # children that a node which is not at the top may be replaced by
-_LEAST_SHARE = 1e-9  # of a box without area: a node there costs something, too
+ROOMS = CHILDREN - 1  # most children that can replace a node which is not the top one
+_LEAST_SHARE = 1e-9  # area ratio of a box without area: a node costs something there too
 
 
 @kernel
 def write_costs(bounds, child, count, costs):
     """Write C'(n, k) to costs[n, k - 1] for k from 1 to 7.
 
-    Children come after their parents, so nodes are taken from the last to the first.
+    Children have larger indices than parents, so nodes are taken in reverse order.
     """
     root = half_area(bounds[0])
     for node in range(len(count) - 1, -1, -1):
@@ -40,7 +41,7 @@ def write_costs(bounds, child, count, costs):
             for k in range(ROOMS):
                 costs[node, k] = 0.0
             continue
-        # where the root has no area (points on a line), every box counts as met
+        # if the root has no area (points on a line), every box counts as hit
         share = half_area(bounds[node]) / root if root > 0.0 else 1.0
         share = np.float32(max(share, _LEAST_SHARE))
         first = child[node]
@@ -53,9 +54,9 @@ def write_costs(bounds, child, count, costs):
 
 @kernel
 def _best_division(first, rooms, costs):
-    """Return what two siblings cost that share `rooms` children, and the first's number.
+    """Return the least cost of two siblings with `rooms` children, and the first's share.
 
-    `rooms` is an int64: each other type, a constant's too, would be compiled once more.
+    `rooms` is an int64; any other type, also a constant's, would be compiled separately.
     """
     least, best = costs[first, 0] + costs[first + 1, rooms - 2], 1
     for j in range(2, rooms):
@@ -67,7 +68,7 @@ def _best_division(first, rooms, costs):
 
 @kernel
 def choose_children(child, count, node, costs, members):
-    """Write the up to eight descendants that cover an inner node; return how many."""
+    """Write the up to eight descendants that become a node's children; return how many."""
     rooms = local_i32(CHILDREN)
     members[0], rooms[0] = node, CHILDREN
     size = 1
@@ -75,7 +76,7 @@ def choose_children(child, count, node, costs, members):
     while k < size:
         m, room = members[k], rooms[k]
         if count[m] > 0 or (m != node and costs[m, 0] <= costs[m, room - 1]):
-            k += 1  # a leaf, or cheaper as a wide node of its own
+            k += 1  # a leaf, or cheaper as a wide node
             continue
         first = child[m]
         mine = _best_division(first, np.int64(room), costs)[1]

@@ -1,10 +1,10 @@
-"""Rays one by one through the wide tree, eight at the same time.
+"""Traversal of the wide tree by single rays, eight of them interleaved.
 
 One ray is tested against eight boxes, or eight primitives, at once [Wald2008]. Incoherent
-rays spend their time waiting for memory. Two things help: a node takes two cache lines,
-because the boxes of its children are stored in bytes relative to its own [Ylitie2017]; and
-`RAYS` rays are under way at the same time, in turn one step each, so that what a ray needs
-next has arrived when its turn comes (docs/performance.md, "Compared with Embree").
+rays are bound by memory latency, which two measures reduce. A node takes two cache lines,
+as its children's boxes are stored in bytes relative to its own box [Ylitie2017]. `RAYS`
+rays take turns of one step each, so that prefetched data has arrived when a ray's turn
+comes (docs/performance.md, "Compared with Embree").
 """
 
 from __future__ import annotations
@@ -54,43 +54,43 @@ from renderer.kernels.lanes.vectors import column3, local_f32, local_i32
 from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
 from renderer.plugins.shapes.blocks import AT_FIRST, WIDTH
 
-RAYS = 8  # under way at the same time; 4 to 16 were measured
-# Places of a ray's stack: seven a level of at most 60, and room for eight to be written at
-# once. Not a power of two, or the stacks of all rays would fall into the same cache sets.
+RAYS = 8  # interleaved rays; 4 to 16 were measured
+# Entries of a ray's stack: seven per level of at most 60, and room to write eight at once.
+# Not a power of two, or the stacks of all rays would map to the same cache sets.
 STACK = 440
 _STACKS = RAYS * STACK
-_ROW = 9  # floats of a ray, three an axis: see `_start_axis`
+_ROW = 9  # floats of a ray, three per axis: see `_start_axis`
 _ROWS = RAYS * _ROW
 # integers of a ray
-_NODE = 0  # where it is: a node, or ~block
-_DEPTH = 1  # nodes on its stack
-_RAY = 2  # its place in the rows of the stream
-_NEAR_BYTES = 3  # 3 places in a node where its near bounds begin
+_NODE = 0  # current node, or ~block
+_DEPTH = 1  # number of entries on its stack
+_RAY = 2  # its index in the rows of the stream
+_NEAR_BYTES = 3  # 3 byte offsets of the near bounds in a node
 _WORD = 8
 _WORDS = RAYS * _WORD
 
 
 class _Flight(NamedTuple):
-    """The rays under way."""
+    """The interleaved rays."""
 
     words: Any  # (RAYS * 8,) int32
     rows: Any  # (RAYS * 9,) float32
     stack: Any  # (RAYS * STACK,) int32 nodes and blocks
-    entries: Any  # (RAYS * STACK,) float32 where their boxes begin
+    entries: Any  # (RAYS * STACK,) float32 t at which their boxes are entered
 
 
 @kernel
 def trace_rays(accel, query, rows, queue, first, count, root, tally):
-    """Trace the rays queue[first : first + count] on from node `root`.
+    """Trace the rays queue[first : first + count] from node `root` on.
 
-    The queue names places of `rows`, which are `octants.StreamRays`. A ray
-    takes one step, a node or a block, and then it is the next ray's turn.
+    The queue holds indices into `rows`, which are `octants.StreamRays`. Rays take turns:
+    each step visits one node or block.
     """
     flight = _Flight(
         local_i32(_WORDS), local_f32(_ROWS), local_i32(_STACKS), local_f32(_STACKS)
     )
     words, stack, entries = flight.words, flight.stack, flight.entries
-    places = local_i32(RAYS)  # of the rays that are under way
+    places = local_i32(RAYS)  # of the interleaved rays
     end = first + count
     flying = np.int64(0)
     while flying < RAYS and first < end:
@@ -118,7 +118,7 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
         else:
             intersect_block(accel.blocks, ~node, query, rows, ray, tally)
 
-        # what to do next; nothing is left for a ray that has ended
+        # pop the next node that is entered before t_max; none for a ray that has ended
         t_max = load_one(rows.for_boxes, T, ray)
         while depth > 0 and load_one(entries, 0, base + depth - 1) > t_max:
             depth -= 1
@@ -139,12 +139,12 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
         turn += 1
 
 
-# --------------------------------------------------------------------------- one ray
+# ---------------------------------------------------------------------------- single ray
 
 
 @kernel
 def _start(rows, ray, root, flight, place):
-    """Put a ray at the node where it begins."""
+    """Set a ray to its start node."""
     low, high = origin_margins(column3(rows.for_leaves, 0, ray))
     inverse = column3(rows.for_boxes, 0, ray)
     row = place * _ROW
@@ -165,24 +165,23 @@ def _start(rows, ray, root, flight, place):
 def _start_axis(low, high, inverse, rows, row):
     """Write -n / d, f / d and 1 / d of an axis; return the offset of its near bounds.
 
-    Near planes are measured from n, far ones from f: lower planes from the origin moved up
-    by its margin, upper ones from the origin moved down. Distances are b / d - o / d, as
-    for bundles.
+    Near planes are measured from n, far planes from f. Lower planes use the origin moved
+    up by its margin, upper planes the origin moved down. Distances are b / d - o / d, as
+    in `_bundle_enters`.
     """
     down = inverse < 0.0
     store_one(rows, 0, row, -(low if down else high) * inverse)
     store_one(rows, 0, row + 1, (high if down else low) * inverse)
     store_one(rows, 0, row + 2, inverse)
-    # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
+    # bytes are lower, upper, lower: from the second on, near planes are the upper ones
     return 8 if down else 0
 
 
 @kernel
 def _distances(accel, node, axis, flight, place):
-    """Return the distances to the eight near planes, and minus those to the far ones.
+    """Return the distances to the eight near planes, and minus those to the far planes.
 
-    So one maximum over the axes serves both: it gives where the ray enters, and minus where
-    it leaves.
+    One maximum over the axes then gives both the entry and minus the exit distance.
     """
     at = np.int64(load_one(flight.words, 0, place * _WORD + _NEAR_BYTES + axis))
     word = node * WIDE_WORDS + axis
@@ -200,9 +199,9 @@ def _distances(accel, node, axis, flight, place):
 
 @kernel
 def _push_children(accel, node, t_max, flight, place, depth):
-    """Push the children that the ray enters, the nearest last; return the new depth.
+    """Push the children that the ray enters, nearest last; return the new depth.
 
-    Without a branch: which children are entered is what no processor can predict.
+    Branchless, since entries are unpredictable.
     """
     x = _distances(accel, node, 0, flight, place)
     y = _distances(accel, node, 1, flight, place)
@@ -214,8 +213,7 @@ def _push_children(accel, node, t_max, flight, place, depth):
     children = load_eight(accel.integers, 0, word)
     enters = (enter <= leave) & (children != 0)
 
-    # floats that are not negative are ordered as their bits are; the last three make room
-    # for the lane
+    # non-negative floats sort as their bits do; the last three bits hold the lane
     keys = select(enters, (as_i32(enter) & ~7) | lane_index_8(), NEVER)
     nearest = smallest(keys)
     others = enters & (keys != nearest)
@@ -231,7 +229,7 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 @kernel
 def add_node(tally, number, ray, depth):
-    """Count that a ray, by its place, is tested against a node's children."""
+    """Count a test of a ray, by its index, against a node's children."""
     if tally is None:
         return
     i = number[ray]
@@ -242,9 +240,9 @@ def add_node(tally, number, ray, depth):
 
 @kernel
 def _prefetch(accel, node):
-    """Fetch into the cache what a ray reads when its next turn comes."""
-    # Both kinds without a branch, which would be mispredicted. At worst node or block 0 is
-    # fetched, which exists.
+    """Prefetch what a ray reads at its next turn."""
+    # Node and block are both prefetched, since a branch would be mispredicted. Where one
+    # is meaningless, index 0 is fetched, which exists.
     inner = max(node, 0) * WIDE_BYTES
     prefetch(accel.octets, 0, inner)
     prefetch(accel.octets, 0, inner + 64)
