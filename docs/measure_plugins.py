@@ -155,6 +155,7 @@ def phase_rows() -> Iterator[str]:
         theirs = mitsuba.load_dict(phase)
         at = mitsuba.MediumInteraction3f()
         at.wi, at.sh_frame = mitsuba.Vector3f(0, 0, -1), mitsuba.Frame3f([0, 0, -1])
+        at.p = mitsuba.Point3f(phases.PLACE)
         context = mitsuba.PhaseFunctionContext()
         expected = np.array(
             [

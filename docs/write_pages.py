@@ -68,7 +68,7 @@ OTHERS = {
     "to_world": "transform",
 }
 OF_TAGS = {  # where another tag's property has the same name
-    ("phase", "weight"): "float or `constvolume`",
+    ("phase", "weight"): "float, colour or volume",
     ("volume", "value"): "colour",
     ("volume", "data"): "array",
 }

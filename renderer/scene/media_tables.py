@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from renderer.kernels.records.media import (
 )
 from renderer.plugins.media.majorants import cell_bounds, world_box
 from renderer.plugins.media.volumes import grid_tables
+from renderer.plugins.textures.kind import LUMINANCE
 from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.media_description import (
     BlendedPhase,
@@ -57,12 +59,14 @@ def media_tables(description: SceneDescription | None) -> Media:
         inside, outside = number(shape.interior), number(shape.exterior)
         sides.append((inside, outside) if boundary else (int(NO_BOUNDARY),) * 2)
     interior, exterior = np.array(sides or [(int(NO_BOUNDARY),) * 2], np.int32).T
-    volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
-    grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
-    place = {id(grid): k for k, grid in enumerate(grids)}
     phases = [list(_leaves(medium.phase, 1.0)) for medium in found]
     flat = [leaf for leaves in phases for leaf in leaves]
-    tables = [_table(phase) for _, phase in flat]
+    volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
+    volumes += [weight for leaf in flat for weight, _ in leaf.weights]
+    grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
+    place = {id(grid): k for k, grid in enumerate(grids)}
+    tables = [_table(leaf.phase) for leaf in flat]
+    weights = [(place[id(grid)], of) for leaf in flat for grid, of in leaf.weights]
     bounds = [cell_bounds(medium) for medium in found]
     sizes = [size for size, _ in bounds] or [np.ones(3, np.int64)]
     return Media(
@@ -82,9 +86,11 @@ def media_tables(description: SceneDescription | None) -> Media:
             np.float32
         ),
         _ends(map(len, phases)),
-        _numbers([_kind(phase) for _, phase in flat], np.int32),
-        _numbers([share for share, _ in flat], np.float32),
-        _numbers([getattr(phase, "g", 0.0) for _, phase in flat], np.float32),
+        _numbers([_kind(leaf.phase) for leaf in flat], np.int32),
+        _numbers([leaf.share for leaf in flat], np.float32),
+        _ends(len(leaf.weights) for leaf in flat),
+        np.array(weights or [(0, 0)], np.int32).T.copy(),
+        _numbers([getattr(leaf.phase, "g", 0.0) for leaf in flat], np.float32),
         _ends(table.shape[1] for table in tables),
         np.concatenate([*tables, np.zeros((2, 16))], axis=1).astype(np.float32),
         grid_tables(grids),
@@ -129,13 +135,36 @@ def _majorant(medium: Medium) -> float:
 # ---------------------------------------------------------------------- phase functions
 
 
-def _leaves(phase: Phase, share: float) -> Iterator[tuple[float, Phase]]:
-    """Yield the phase functions of a mixture with their shares, but those without any."""
+class _Leaf(NamedTuple):
+    """One phase function of a mixture."""
+
+    phase: Phase
+    share: float  # in the mixture, (0, 1]; weights that vary are not in it
+    weights: tuple[tuple[GridVolume, int], ...]  # as in `Media.weights`
+
+
+def _leaves(
+    phase: Phase, share: float, weights: tuple[tuple[GridVolume, int], ...] = ()
+) -> Iterator[_Leaf]:
+    """Yield the phase functions of a mixture, but those that nowhere have a share."""
     if isinstance(phase, BlendedPhase):
-        yield from _leaves(phase.first, share * (1.0 - phase.weight))
-        yield from _leaves(phase.second, share * phase.weight)
+        weight = phase.weight
+        if isinstance(weight, GridVolume):
+            weight = _one_channel(weight)
+            yield from _leaves(phase.first, share, (*weights, (weight, 0)))
+            yield from _leaves(phase.second, share, (*weights, (weight, 1)))
+        else:
+            yield from _leaves(phase.first, share * (1.0 - weight), weights)
+            yield from _leaves(phase.second, share * weight, weights)
     elif share > 0.0:
-        yield share, phase
+        yield _Leaf(phase, share, weights)
+
+
+def _one_channel(grid: GridVolume) -> GridVolume:
+    """Return a grid of the luminance of colours, as Mitsuba takes it of weights."""
+    if grid.values.shape[3] == 1:
+        return grid
+    return replace(grid, values=grid.values @ np.array(LUMINANCE, np.float32)[:, None])
 
 
 def _kind(phase: Phase) -> int:

@@ -74,10 +74,14 @@ class TabulatedPhase:
 
 @dataclass(frozen=True)
 class BlendedPhase:
-    """Two phase functions; `weight` is the share of the second."""
+    """Two phase functions; `weight` is the share of the second.
+
+    A weight that is interpolated in a grid, or the luminance of colours, is clamped to
+    [0, 1].
+    """
 
     plugin: ClassVar[str] = "blendphase"
-    weight: float
+    weight: float | GridVolume  # a float: in [0, 1]
     first: Phase
     second: Phase
 

@@ -50,5 +50,8 @@ if __name__ == "__main__":
     (HERE / "waves.vol").write_bytes(grid_file(waves(12, 12, 12)))
     smoke = np.random.default_rng(5).uniform(0.0, 1.0, (3, 4, 5)) ** 3.0
     (HERE / "smoke.vol").write_bytes(grid_file(smoke))
+    # beyond 1 it is clamped, between the points and not at them
+    weights = np.random.default_rng(6).uniform(0.0, 1.6, (4, 3, 3))
+    (HERE / "weights.vol").write_bytes(grid_file(weights))
     colors = np.random.default_rng(4).uniform(0.05, 0.95, (2, 3, 4, 3))
     (HERE / "colors.vol").write_bytes(grid_file(colors))

@@ -213,10 +213,9 @@ def scatter_collisions(scene, tile, sample, step, work, collisions, end):
     for i in range(0, collisions, 16):
         mine = first_lanes(collisions - i)
         medium = load_row(points.bsdf, 0, i)
-        cosine = sample_phase(
-            media, medium, load_row(numbers, 0, i), load_row(numbers, 2, i), mine
-        )
-        pdf = eval_phase(media, medium, cosine, mine)
+        at, x = load3(points.position, i), load_row(numbers, 0, i)
+        cosine = sample_phase(media, medium, at, x, load_row(numbers, 2, i), mine)
+        pdf = eval_phase(media, medium, at, cosine, mine)
         forward = -load3(points.wo, i)
         s, t = orthonormal_basis(forward)
         sin_phi, cos_phi = sincos(load_row(numbers, 1, i) * TWO_PI)

@@ -254,14 +254,15 @@ def cast_from_collisions(scene, work, count, lamps=None):
         mine = first_lanes(count - i)
         wi = load3(samples.wi, i)
         medium = load_row(points.bsdf, 0, i)
-        phase = eval_phase(media, medium, -dot(load3(points.wo, i), wi), mine)
+        at, cosine = load3(points.position, i), -dot(load3(points.wo, i), wi)
+        phase = eval_phase(media, medium, at, cosine, mine)
         light_pdf = load_row(samples.pdf, 0, i) * probability
         weight = phase * light_sample_weight(settings, light_pdf, phase) / probability
         if lamps is not None:
             weight = weight * load_row(points.pdf, 0, i)
         carried = load3(points.throughput, i) * load3(samples.radiance, i) * weight
         lit = mine & is_lit(carried)
-        append3(shadow_rays.origin, cast, load3(points.position, i), lit)
+        append3(shadow_rays.origin, cast, at, lit)
         append3(shadow_rays.direction, cast, wi, lit)
         distance = load_row(samples.distance, 0, i)
         append_row(shadow_rays.t_max, 0, cast, distance * before_light, lit)

@@ -47,7 +47,12 @@ class Media(NamedTuple):
     # mixtures of phase functions: medium k has phase_begin[k] to phase_begin[k + 1] - 1
     phase_begin: NDArray[np.int32]  # (n + 1,)
     phase_kind: NDArray[np.int32]  # (m,)
-    phase_share: NDArray[np.float32]  # (m,) weights, which sum to 1 in a medium
+    # (m,) weights, which sum to 1 in a medium unless grids multiply them: the grids of phase
+    # function k are columns weight_begin[k] to weight_begin[k + 1] - 1 of `weights`
+    phase_share: NDArray[np.float32]
+    weight_begin: NDArray[np.int32]  # (m + 1,)
+    # (2, k) grid id, and 1: multiply by the weight, 0: by 1 - weight
+    weights: NDArray[np.int32]
     phase_g: NDArray[np.float32]  # (m,) of HENYEY_GREENSTEIN
     table_begin: NDArray[np.int32]  # (m + 1,) of TABULATED
     # (2, k) densities per cosine, and their integrals from -1 to that cosine

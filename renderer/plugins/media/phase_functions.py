@@ -28,6 +28,7 @@ from renderer.kernels.records.media import (
     RAYLEIGH,
     TABULATED,
 )
+from renderer.plugins.media.volumes import look_up_grid
 
 _INV_4_PI = np.float32(0.25 / np.pi)
 _INV_2_PI = np.float32(0.5 / np.pi)
@@ -67,8 +68,20 @@ def _eval_leaf(media, leaf, cosine):
 
 
 @kernel
-def eval_phase(media, medium, cosine, mask):
-    """Return the densities [1/sr] of turns by 16 cosines in media given by id."""
+def share_at(media, leaf, position, mask):
+    """Return the shares, [0, 1], of one phase function of a mixture at 16 positions."""
+    share = splat_f32(media.phase_share[leaf])
+    for k in range(media.weight_begin[leaf], media.weight_begin[leaf + 1]):
+        grid = splat_i32(media.weights[0, k])
+        weight = look_up_grid(media.grids, grid, position, mask).x
+        weight = minimum(maximum(weight, splat_f32(0.0)), splat_f32(1.0))
+        share = share * (weight if media.weights[1, k] == 1 else 1.0 - weight)
+    return share
+
+
+@kernel
+def eval_phase(media, medium, position, cosine, mask):
+    """Return the densities [1/sr] of turns by 16 cosines at positions in media, by id."""
     density = splat_f32(0.0)
     for k in range(media.count):
         mine = mask & (medium == np.int32(k))
@@ -76,7 +89,8 @@ def eval_phase(media, medium, cosine, mask):
             continue
         total = splat_f32(0.0)
         for leaf in range(media.phase_begin[k], media.phase_begin[k + 1]):
-            total = total + _eval_leaf(media, leaf, cosine) * media.phase_share[leaf]
+            share = share_at(media, leaf, position, mine)
+            total = total + _eval_leaf(media, leaf, cosine) * share
         density = select(mine, total, density)
     return density
 
@@ -136,18 +150,18 @@ def sample_leaf(media, leaf, x):
 
 
 @kernel
-def sample_phase(media, medium, x, choice, mask):
+def sample_phase(media, medium, position, x, choice, mask):
     """Return 16 cosines with the densities of `eval_phase`, from two numbers in [0, 1)."""
     cosine = splat_f32(1.0)
     for k in range(media.count):
         mine = mask & (medium == np.int32(k))
         if mask_bits(mine) == 0:
             continue
-        before = np.float32(0.0)
+        before = splat_f32(0.0)
         for leaf in range(media.phase_begin[k], media.phase_begin[k + 1]):
             # the last one takes what rounding leaves
             taken = mine & (choice >= before)
             if mask_bits(taken) != 0:
                 cosine = select(taken, sample_leaf(media, leaf, x), cosine)
-            before += media.phase_share[leaf]
+            before = before + share_at(media, leaf, position, mine)
     return minimum(maximum(cosine, splat_f32(-1.0)), splat_f32(1.0))

@@ -353,8 +353,11 @@ def _albedo(volume: Volume) -> str:
 def _phase(phase: Phase) -> str:
     """Return a phase function's name and what it is given."""
     if isinstance(phase, BlendedPhase):
-        first = f"{_phase(phase.first)} ({1.0 - phase.weight:.3g})"
-        return f"a blend of {first} and {_phase(phase.second)} ({phase.weight:.3g})"
+        first, second = _phase(phase.first), _phase(phase.second)
+        if isinstance(phase.weight, GridVolume):
+            return f"a blend by {_grid(phase.weight)} of {first} and {second}"
+        share = phase.weight
+        return f"a blend of {first} ({1.0 - share:.3g}) and {second} ({share:.3g})"
     if isinstance(phase, HenyeyGreenstein):
         return f"hg of g {phase.g:g}"
     if isinstance(phase, TabulatedPhase):

@@ -23,7 +23,7 @@ from renderer.kernels.records.media import (
     ISOTROPIC,
     TABULATED,
 )
-from renderer.plugins.media.phase_functions import sample_leaf
+from renderer.plugins.media.phase_functions import sample_leaf, share_at
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
 from renderer.replay.directions import sincos_as_mitsuba
 
@@ -67,13 +67,15 @@ def _turn(media, leaf, x, y):
 
 
 @kernel
-def sample_phase_in_order(media, medium, wo, x, y, choice, mask):
+def sample_phase_in_order(media, medium, position, wo, x, y, choice, mask):
     """Return the sampled directions of paths at collisions.
 
     Parameters
     ----------
     medium
         Medium ids, in lanes; only those in `mask` count.
+    position
+        Positions of the collisions, in the world.
     wo
         Unit vectors, back along the rays.
     x, y, choice
@@ -87,10 +89,10 @@ def sample_phase_in_order(media, medium, wo, x, y, choice, mask):
             continue
         # The smallest numbers choose the last phase function of a mixture.
         first, end = media.phase_begin[k], media.phase_begin[k + 1]
-        left, up_to = mine, np.float32(0.0)
+        left, up_to = mine, splat_f32(0.0)
         for back in range(end - first):
             leaf = end - 1 - back
-            up_to += media.phase_share[leaf]
+            up_to = up_to + share_at(media, leaf, position, mine)
             taken = left if leaf == first else left & (choice <= up_to)
             left = left & ~taken
             if mask_bits(taken) == 0:

@@ -316,8 +316,9 @@ def _scatter_collisions(order, tile, work, count, end):
         x = gather_row(replay.numbers, BSDF, pixel, mine)
         y = gather_row(replay.numbers, BSDF + 1, pixel, mine)
         choice = gather_row(replay.numbers, BSDF_CHOICE, pixel, mine)
-        direction = sample_phase_in_order(media, medium, wo, x, y, choice, mine)
-        pdf = eval_phase(media, medium, -dot(wo, direction), mine)
+        at = load3(points.position, i)
+        direction = sample_phase_in_order(media, medium, at, wo, x, y, choice, mine)
+        pdf = eval_phase(media, medium, at, -dot(wo, direction), mine)
         lit = gather_row(order.lit, 0, medium, mine) != 0
         alive, throughput = mine & (pdf > 0.0), load3(points.throughput, i)
         pdf = select(lit, pdf, splat_f32(0.0))  # 0: no light sampling at that event

@@ -152,7 +152,8 @@ def _cast_collisions(carry, scene, work, count):
     for i in range(0, count, 16):
         mine, medium = first_lanes(count - i), load_row(points.bsdf, 0, i)
         cosine = -dot(load3(points.wo, i), load3(samples.wi, i))
-        phase = eval_phase(scene.media, medium, cosine, mine)
+        at = load3(points.position, i)
+        phase = eval_phase(scene.media, medium, at, cosine, mine)
         value, shadow_rays = grey(phase), work.shadow_rays
         cast = _append_light(
             points, samples, i, value, phase, probability, mine, shadow_rays, cast

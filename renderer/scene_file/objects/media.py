@@ -230,13 +230,11 @@ def _blend(properties: Properties, depth: int) -> BlendedPhase:
     if not properties.has("weight"):
         properties.fail("weight", "nothing", "the share of the second phase function")
     volume = _volume(properties, "weight", 0.5)
-    if isinstance(volume, GridVolume):
-        properties.fail(
-            "weight", "a grid", "one number: a blend that varies is not possible"
-        )
     children = [element for _, element in properties.children("phase")]
     if len(children) != 2:
         properties.fail("phase", f"{len(children)} phase functions", "two")
     first, second = (_phase(child, properties.reading, depth + 1) for child in children)
+    if isinstance(volume, GridVolume):
+        return BlendedPhase(volume, first, second)
     weight = min(max(sum(volume.rgb) / 3.0, 0.0), 1.0)
     return BlendedPhase(weight, first, second)

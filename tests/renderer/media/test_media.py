@@ -102,6 +102,16 @@ PHASES = {
         "a": {"type": "hg", "g": -0.4},
         "b": {"type": "rayleigh"},
     },
+    "blend-by-a-grid": {
+        "type": "blendphase",
+        "weight": {
+            "type": "gridvolume",
+            "grid": np.random.default_rng(2).random((2, 3, 2, 3), np.float32),
+            "to_world": CUBE,
+        },
+        "a": {"type": "hg", "g": 0.7},
+        "b": {"type": "hg", "g": -0.4},
+    },
 }
 
 

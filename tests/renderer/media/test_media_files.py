@@ -64,6 +64,15 @@ def test_phase_functions_that_are_wrong(plugin):
     assert message in text
 
 
+def test_a_weight_of_two_channels_is_refused():
+    volume = {"type": "gridvolume", "grid": np.zeros((2, 2, 2, 2), np.float32)}
+    blend = {"type": "blendphase", "weight": volume, "a": {"type": "hg"}}
+    scene = {"type": "scene", "sensor": {"type": "perspective"}}
+    inside = {"type": "homogeneous", "phase": blend | {"b": {"type": "isotropic"}}}
+    with pytest.raises(SceneError, match="found 2 channels, expected 1 or 3"):
+        renderer.load_dict(scene | {"shape": {"type": "sphere", "interior": inside}})
+
+
 WRONG = {
     "negative": (props(sigma_t=-1.0), "found -1, expected numbers of at least 0"),
     "too large": (tag("rgb", sigma_t="2 1 1"), "a reflectance in [0, 1]"),

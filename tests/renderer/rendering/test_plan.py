@@ -239,6 +239,15 @@ def test_each_medium_is_described():
     assert "medium " not in explained(make_plan(mist, integrator="path"))
 
 
+def test_a_blend_by_a_grid_is_described():
+    grid = {"type": "gridvolume", "grid": np.zeros((2, 3, 4, 3), np.float32)}
+    blend = {"type": "blendphase", "weight": grid, "a": {"type": "hg"}}
+    inside = {"type": "homogeneous", "phase": blend | {"b": {"type": "rayleigh"}}}
+    ball = {"type": "sphere", "interior": inside}
+    expected = "blend by a grid of 4 x 3 x 2 colours (288 bytes) of hg of g 0.8 and ray"
+    assert expected in explained(plan_of("volpath", ball))
+
+
 # ------------------------------------------------------------------------- pictures
 
 
