@@ -239,6 +239,17 @@ class Null(Bsdf):
         """Return the undeflected direction."""
         return [BsdfSample(-wo, WHITE, 1.0, lobe=Lobe.STRAIGHT)]
 
+
+class Filter(Bsdf):
+    """A polarizer or a wave plate without polarization: light goes straight on, tinted."""
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.passes = bsdf.share * color(bsdf.transmittance, hit)
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return the direction straight on."""
+        return [BsdfSample(-wo, self.passes, 1.0, lobe=Lobe.STRAIGHT)]
+
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
         """Return the undeflected direction."""
         return self.branches(wo)[0]

@@ -20,6 +20,7 @@ from renderer.simple.bsdfs import (
     Conductor,
     Dielectric,
     Diffuse,
+    Filter,
     Lobe,
     Null,
     Plastic,
@@ -30,7 +31,12 @@ from renderer.simple.bsdfs import (
 from renderer.simple.camera import Vector, mix, normalize, orthonormal_basis
 from renderer.simple.measured import Measured
 from renderer.simple.principled import Principled, PrincipledThin
-from renderer.simple.rough import RoughConductor, RoughDielectric, RoughPlastic
+from renderer.simple.rough import (
+    PPlastic,
+    RoughConductor,
+    RoughDielectric,
+    RoughPlastic,
+)
 from renderer.simple.shapes import Hit
 from renderer.simple.textures import eval_slope
 
@@ -225,6 +231,10 @@ BSDFS: dict[str, type[Bsdf]] = {
     "roughconductor": RoughConductor,
     "roughdielectric": RoughDielectric,
     "roughplastic": RoughPlastic,
+    "pplastic": PPlastic,
+    "polarizer": Filter,
+    "circular": Filter,
+    "retarder": Filter,
     "principled": Principled,
     "principled with spec_trans": Principled,
     "principledthin": PrincipledThin,

@@ -323,3 +323,23 @@ class RoughPlastic(Coated):
         if choice < self.coat_probability(1.0 - self.transmitted(wo[2])):
             return self.chosen(wo, reflect(wo, self.facets.sample(wo, x, y)))
         return self.chosen(wo, square_to_cosine_hemisphere(x, y))
+
+
+class PPlastic(RoughPlastic):
+    """Mitsuba's `pplastic`: light passes the coat as if it were smooth, and only once."""
+
+    oriented = True
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.facets, self.eta = microfacets(bsdf, hit), number(bsdf.eta, hit)
+        self.tint = color(bsdf.specular_reflectance, hit)
+        self.base = color(bsdf.diffuse_reflectance, hit)
+        self.share = bsdf.specular_share
+
+    def transmitted(self, cosine: float) -> float:
+        """Return the share of light from an angle that passes the coat."""
+        return 1.0 - reflectance_of_glass(cosine, self.eta)
+
+    def coat_probability(self, reflected: float) -> float:
+        """Return how often the coat is sampled."""
+        return float(self.share)

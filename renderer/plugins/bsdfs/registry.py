@@ -25,6 +25,8 @@ from renderer.plugins.bsdfs.normalmap import NORMAL_MAP
 from renderer.plugins.bsdfs.null import NULL
 from renderer.plugins.bsdfs.old_delta_lobes import register_old_kernels, whole_sample
 from renderer.plugins.bsdfs.plastic import PLASTIC
+from renderer.plugins.bsdfs.polarizer import CIRCULAR, POLARIZER, RETARDER
+from renderer.plugins.bsdfs.pplastic import PPLASTIC
 from renderer.plugins.bsdfs.principled import PRINCIPLED
 from renderer.plugins.bsdfs.principledthin import PRINCIPLEDTHIN
 from renderer.plugins.bsdfs.registration import (
@@ -86,10 +88,14 @@ for _kind in (
     ROUGHDIELECTRIC,
     PLASTIC,
     ROUGHPLASTIC,
+    PPLASTIC,
     PRINCIPLED,
     PRINCIPLEDTHIN,
     THIN_DIELECTRIC,
     NULL,
+    POLARIZER,
+    CIRCULAR,
+    RETARDER,
     MERL,
     ONE_FOR_BOTH,
     ONE_FOR_EACH,

@@ -63,6 +63,12 @@ SETS: dict[str, dict[str, Any]] = {
     "roughplastic all": ROUGH | ALL | {"alpha": 0.5, "specular_reflectance": PALE},
     "roughplastic all ggx": ROUGH | GGX | ALL | {"alpha": 0.2, "int_ior": 1.9},
     "roughplastic thin": ROUGH | {"int_ior": 1.0, "ext_ior": 1.4, "alpha": 0.3},
+    "pplastic": {"type": "pplastic"},
+    "pplastic all ggx": {"type": "pplastic", "diffuse_reflectance": RED, "eta": 1.9}
+    | GGX
+    | ALL
+    | {"alpha": 0.4},
+    "pplastic uv": {"type": "pplastic", "specular_reflectance": PALE} | ALONG_V,
     "principled": {"type": "principled"},
     "principled metal": KNOBS | {"metallic": 0.7, "anisotropic": 0.8},
     "principled cloth": KNOBS | {"sheen": 0.8, "sheen_tint": 0.6, "flatness": 0.5},
@@ -216,6 +222,8 @@ OTHERS = {
     "conductor": {"type": "conductor", "material": "Au"},
     "dielectric": {"type": "dielectric", "specular_transmittance": PALE},
     "merl": {"type": "merl", "filename": str(MEASURED)},
+    "polarizer": {"type": "polarizer", "theta": 30.0, "transmittance": PALE},
+    "circular": {"type": "circular"},
 }
 WHITE = rgb(1.0, 1.0, 1.0)
 NO_METAL = {"type": "roughconductor", "material": "none"}
@@ -225,6 +233,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
     "perfect mirror": {"type": "conductor", "material": "none"},
     "clear glass": {"type": "dielectric"},
     "clear pane": {"type": "thindielectric"},
+    "wave plate": {"type": "retarder"},
     "rough mirror 0.1": NO_METAL,
     "rough mirror 0.5": NO_METAL | {"alpha": 0.5},
     "rough mirror 1 ggx": NO_METAL | GGX | {"alpha": 1.0},
@@ -240,7 +249,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
     "white principled glass": {"type": "principled", "base_color": WHITE}
     | {"spec_trans": 1.0, "eta": 1.5},
 }
-CONSERVING = tuple(LOSSLESS)[:4]
+CONSERVING = tuple(LOSSLESS)[:5]
 BY_ALBEDO = LOSSLESS | OTHERS
 
 

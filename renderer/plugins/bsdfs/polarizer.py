@@ -1,0 +1,101 @@
+"""Filters for polarized light, without polarization: light goes straight on, tinted.
+
+As in Mitsuba's unpolarized variants, `polarizer` and `circular` let half of the light
+through, and `retarder` all of it; angles make no difference.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32, splat_i32
+from renderer.plugins.bsdfs.kind import STRAIGHT, BsdfKind, BsdfSample, Color, Float
+from renderer.scene_file.description import OtherBsdf
+from renderer.scene_file.objects.objects import read_scalar_texture, read_texture
+
+
+class Filter(NamedTuple):
+    """Parameters."""
+
+    share: Float  # of the light that passes, before the tint
+    transmittance: Color
+
+
+class Circular(NamedTuple):
+    """The same, of the one plugin with an albedo: kernels are chosen by this class."""
+
+    share: Float
+    transmittance: Color
+
+
+@kernel
+def eval_straight(filters, wo):
+    """Return what passes."""
+    return filters.transmittance * filters.share
+
+
+@kernel
+def sample(filters, wo, numbers):
+    """Go straight on."""
+    one = splat_f32(1.0)
+    passes = eval_straight(filters, wo)
+    return BsdfSample(-wo, passes, one, one, splat_i32(STRAIGHT))
+
+
+@kernel
+def _tint(filters):
+    """Return the transmittance, which Mitsuba calls the albedo of `circular` alone."""
+    return filters.transmittance
+
+
+def _filter(
+    name: str,
+    share: float,
+    about: str,
+    *,
+    angles: tuple[str, ...] = (),
+    flags: tuple[str, ...] = (),
+    albedo: Any = None,
+) -> BsdfKind:
+    """Return the kind of one plugin; its angles and flags are for polarized light alone."""
+
+    def read(properties: Any) -> OtherBsdf:
+        for angle in angles:
+            read_scalar_texture(properties, angle, 0.0)
+        for flag in flags:
+            properties.boolean(flag, False)
+        tint = read_texture(properties, "transmittance", 1.0)
+        return OtherBsdf(name, {"share": share, "transmittance": tint})
+
+    return BsdfKind(
+        name,
+        Circular if albedo else Filter,
+        read,
+        about,
+        sample,
+        albedo=albedo,
+        delta=True,
+        transmits=True,
+        straight=True,
+        eval_straight=eval_straight,
+    )
+
+
+POLARIZER = _filter(
+    "polarizer",
+    0.5,
+    "a polarizer: half of the light goes straight on",
+    angles=("theta",),
+    flags=("polarizing",),
+)
+CIRCULAR = _filter(
+    "circular",
+    0.5,
+    "a circular polarizer: half of the light goes straight on",
+    flags=("left_handed",),
+    albedo=_tint,
+)
+RETARDER = _filter(
+    "retarder", 1.0, "a wave plate: light goes straight on", angles=("theta", "delta")
+)
