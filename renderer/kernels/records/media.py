@@ -47,8 +47,8 @@ class Media(NamedTuple):
     # mixtures of phase functions: medium k has phase_begin[k] to phase_begin[k + 1] - 1
     phase_begin: NDArray[np.int32]  # (n + 1,)
     phase_kind: NDArray[np.int32]  # (m,)
-    # (m,) weights, which sum to 1 in a medium unless grids multiply them: the grids of phase
-    # function k are columns weight_begin[k] to weight_begin[k + 1] - 1 of `weights`
+    # (m,) weights, which sum to 1 in a medium unless grids multiply them: phase function k
+    # has columns weight_begin[k] to weight_begin[k + 1] - 1 of `weights`
     phase_share: NDArray[np.float32]
     weight_begin: NDArray[np.int32]  # (m + 1,)
     # (2, k) grid id, and 1: multiply by the weight, 0: by 1 - weight

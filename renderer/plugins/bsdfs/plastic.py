@@ -44,12 +44,16 @@ def read_coated(properties: Any, eta: float) -> dict[str, Any]:
 
     The mean internal reflectance of the coat (`thrown_back`) is computed by each.
     """
+    nonlinear = float(properties.boolean("nonlinear", False))
+    return {"eta": eta, "nonlinear": nonlinear} | read_reflectances(properties)
+
+
+def read_reflectances(properties: Any) -> dict[str, Any]:
+    """Return the reflectances of base and coat, and the coat's share of both."""
     diffuse = read_texture(properties, "diffuse_reflectance", 0.5)
     specular = read_texture(properties, "specular_reflectance", 1.0)
     total = mean_of(diffuse) + mean_of(specular)
     return {
-        "eta": eta,
-        "nonlinear": float(properties.boolean("nonlinear", False)),
         "specular_share": mean_of(specular) / total if total else 0.0,
         "diffuse_reflectance": diffuse,
         "specular_reflectance": specular,

@@ -9,24 +9,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import select, splat_f32
-from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import vec3
 from renderer.plugins.bsdfs.dielectric import read_relative_index
 from renderer.plugins.bsdfs.fresnel import fresnel_dielectric
-from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
-from renderer.plugins.bsdfs.microfacets import (
-    microfacets,
-    normal_density,
-    normal_pdf,
-    sample_normal,
-    unshadowed,
-)
-from renderer.plugins.bsdfs.mirror import reflect
+from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float
+from renderer.plugins.bsdfs.microfacets import PI
+from renderer.plugins.bsdfs.plastic import read_reflectances
 from renderer.plugins.bsdfs.roughness import read_roughness
-from renderer.plugins.sampling.numbers_and_warps import INV_PI, cosine_direction
-from renderer.plugins.textures.registry import mean_of
+from renderer.plugins.bsdfs.roughplastic import coated_sample, eval_coated, sample_coated
 from renderer.scene_file.description import OtherBsdf
-from renderer.scene_file.objects.objects import read_scalar_texture, read_texture
+from renderer.scene_file.objects.objects import read_scalar_texture
 
 
 class PPlastic(NamedTuple):
@@ -51,47 +44,25 @@ def read(properties: Any) -> OtherBsdf:
         eta = read_scalar_texture(properties, "eta", 1.0)
     else:
         eta = read_relative_index(properties, "polypropylene", rough=True)
-    diffuse = read_texture(properties, "diffuse_reflectance", 0.5)
-    specular = read_texture(properties, "specular_reflectance", 1.0)
-    total = mean_of(diffuse) + mean_of(specular)
-    values = {
-        "eta": eta,
-        "specular_share": mean_of(specular) / total if total else 0.0,
-        "diffuse_reflectance": diffuse,
-        "specular_reflectance": specular,
-    }
+    values = {"eta": eta} | read_reflectances(properties)
     return OtherBsdf("pplastic", read_roughness(properties) | values)
 
 
 @kernel
 def eval_pdf(plastic, wo, wi):
     """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
-    facets, h = microfacets(plastic), normalize(wo + wi)
-    above = (wo.z > 0.0) & (wi.z > 0.0)
-    fresnel, _, _ = fresnel_dielectric(dot(wo, h), plastic.eta)
-    shadowing = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
-    coat = fresnel * normal_density(facets, h) * shadowing / (4.0 * wo.z)
     back, _, _ = fresnel_dielectric(wo.z, plastic.eta)
-    enters, _, _ = fresnel_dielectric(wi.z, plastic.eta)
-    cosine = INV_PI * wi.z
-    base = plastic.diffuse_reflectance * ((1.0 - back) * (1.0 - enters) * cosine)
-    color = plastic.specular_reflectance * coat + base
-
-    mirrored = normal_pdf(facets, wo, h) / (4.0 * dot(wi, h))
-    share = plastic.specular_share
-    pdf = share * mirrored + (1.0 - share) * cosine
-    none = splat_f32(0.0)
-    return select3(above, color, vec3(none, none, none)), select(above, pdf, 0.0)
+    ahead, _, _ = fresnel_dielectric(wi.z, plastic.eta)
+    passes, share = (1.0 - back) * (1.0 - ahead), plastic.specular_share
+    return eval_coated(plastic, plastic.diffuse_reflectance, passes, share, wo, wi)
 
 
 @kernel
 def sample(plastic, wo, numbers):
     """Mirror at a facet of the coat, or scatter from the base."""
-    m = sample_normal(microfacets(plastic), wo, numbers)
-    scattered = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
-    wi = select3(numbers.choice < plastic.specular_share, reflect(wo, m), scattered)
+    wi = sample_coated(plastic, plastic.specular_share, wo, numbers)
     f_cos, pdf = eval_pdf(plastic, wo, wi)
-    return BsdfSample(wi, f_cos * select(pdf > 0.0, 1.0 / pdf, 0.0), pdf, splat_f32(1.0))
+    return coated_sample(wi, f_cos, pdf)
 
 
 @kernel
@@ -99,7 +70,7 @@ def albedo(plastic, wo):
     """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(plastic, wo, vec3(none, none, none + 1.0))
-    return (1.0 / INV_PI) * f_cos
+    return PI * f_cos
 
 
 PPLASTIC = BsdfKind(

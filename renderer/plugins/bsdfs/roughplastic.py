@@ -78,19 +78,19 @@ def transmitted(plastic, cosine):
 
 
 @kernel
-def eval_pdf(plastic, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+def eval_coated(plastic, base, passes, probability, wo, wi):
+    """Return f cos, and the density [1/sr] with which `sample_coated` chooses wi.
+
+    `base` is pi f of the base, `passes` how much light passes the coat in and out, and
+    `probability` how often the coat is sampled.
+    """
     facets, h = microfacets(plastic), normalize(wo + wi)
     above = (wo.z > 0.0) & (wi.z > 0.0)
-    leaves, enters = transmitted(plastic, wo.z), transmitted(plastic, wi.z)
     cosine = INV_PI * wi.z
     fresnel, _, _ = fresnel_dielectric(dot(wo, h), plastic.eta)
     shadowing = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     coat = fresnel * normal_density(facets, h) * shadowing / (4.0 * wo.z)
-    base = coated_base(plastic) * (leaves * enters * cosine)
-    color = plastic.specular_reflectance * coat + base
-
-    probability = specular_probability(plastic, 1.0 - leaves)
+    color = plastic.specular_reflectance * coat + base * (passes * cosine)
     pdf = normal_pdf(facets, wo, h) / (4.0 * dot(wi, h))
     pdf = probability * pdf + (1.0 - probability) * cosine
     none = splat_f32(0.0)
@@ -98,14 +98,35 @@ def eval_pdf(plastic, wo, wi):
 
 
 @kernel
+def sample_coated(plastic, probability, wo, numbers):
+    """Return a direction, mirrored at a facet of the coat or scattered from the base."""
+    m = sample_normal(microfacets(plastic), wo, numbers)
+    scattered = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
+    return select3(numbers.choice < probability, reflect(wo, m), scattered)
+
+
+@kernel
+def coated_sample(wi, f_cos, pdf):
+    """Return the sample of a direction of both lobes together."""
+    return BsdfSample(wi, f_cos * select(pdf > 0.0, 1.0 / pdf, 0.0), pdf, splat_f32(1.0))
+
+
+@kernel
+def eval_pdf(plastic, wo, wi):
+    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    leaves, enters = transmitted(plastic, wo.z), transmitted(plastic, wi.z)
+    probability = specular_probability(plastic, 1.0 - leaves)
+    base = coated_base(plastic)
+    return eval_coated(plastic, base, leaves * enters, probability, wo, wi)
+
+
+@kernel
 def sample(plastic, wo, numbers):
     """Mirror at a facet of the coat, or scatter from the base."""
     probability = specular_probability(plastic, 1.0 - transmitted(plastic, wo.z))
-    m = sample_normal(microfacets(plastic), wo, numbers)
-    scattered = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
-    wi = select3(numbers.choice < probability, reflect(wo, m), scattered)
+    wi = sample_coated(plastic, probability, wo, numbers)
     f_cos, pdf = eval_pdf(plastic, wo, wi)
-    return BsdfSample(wi, f_cos * select(pdf > 0.0, 1.0 / pdf, 0.0), pdf, splat_f32(1.0))
+    return coated_sample(wi, f_cos, pdf)
 
 
 @kernel
