@@ -75,18 +75,18 @@ def render_with(scene: Scene, options: RenderOptions) -> Image:
     Returns
     -------
     Image
-            float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
-            KeyboardInterrupt it is the picture so far: `complete` is false, `spp` is the
-            mean number of samples per pixel, and `requested_spp` the number that was
-            requested.
+        float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
+        KeyboardInterrupt it is the picture so far: `complete` is false, `spp` is the
+        mean number of samples per pixel, and `requested_spp` the number that was
+        requested.
 
     Raises
     ------
     SceneError
-            If a name does not exist, a number is out of range, a checkpoint belongs to
-            another render, or the render needs more memory than is available.
+        If a name does not exist, a number is out of range, a checkpoint belongs to
+        another render, or the render needs more memory than is available.
     ClusterError
-            If a cluster cannot render any part of it.
+        If a cluster cannot render any part of it.
     TypeError
         If `scene` is not a Scene, or an option has another type than it needs.
     """
@@ -105,7 +105,7 @@ class Begun(NamedTuple):
     source: TileSource
     goal: Goal | None
     checkpoint: Checkpoint | None
-    colors: tuple[Scene, RenderOptions] | None  # with AOVs, the second render of the colours
+    colors: tuple[Scene, RenderOptions] | None  # with AOVs: the second render
 
 
 def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
@@ -186,18 +186,18 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
     Parameters
     ----------
     scenes : iterable of Scene
-            Iterated when a scene is needed.
+        Iterated when a scene is needed.
     {options}
 
     Yields
     ------
     Image
-            In the order of the scenes. The sequence ends after an interrupted picture.
+        In the order of the scenes. The sequence ends after an interrupted picture.
 
     Raises
     ------
     SceneError, ClusterError, TypeError
-            As `render`, after the pictures that were already started.
+        As `render`, after the pictures that were already started.
     """
     if options.checkpoint is not None:
         raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
@@ -221,13 +221,13 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
             if failure is None:
                 try:
                     fill()
-                except Exception as error:  # raised after the pictures that were started before
+                except Exception as error:  # raised after the pictures before it
                     failure = error
             if not waiting and failure is not None:
                 raise failure
             if not waiting:
                 return
-            with watched(options) as show:  # the progress bar is removed before others print
+            with watched(options) as show:  # the bar is removed before others print
                 image = finish(waiting.popleft(), show)
             yield image
             if not image.complete:

@@ -53,20 +53,20 @@ def run(
     job : RenderJob
         What is rendered.
     film : Film
-            The samples so far; the loop adds the missing ones.
-        source : TileSource, optional
-            Adds the samples; None: threads of this process.
-        goal : Goal, optional
-            Ends the loop early; it ends at the latest with the plan's samples.
-        checkpoint : Checkpoint, optional
-            The film is first filled from it; then the state is saved to it.
-        progress : callable, optional
-            Called with a `Progress`, in the calling thread.
+        The samples so far; the loop adds the missing ones.
+    source : TileSource, optional
+        Adds the samples; None: threads of this process.
+    goal : Goal, optional
+        Ends the loop early; it ends at the latest with the plan's samples.
+    checkpoint : Checkpoint, optional
+        The film is first filled from it; then the state is saved to it.
+    progress : callable, optional
+        Called with a `Progress`, in the calling thread.
 
     Raises
     ------
     SceneError
-            If the checkpoint is not valid for this film.
+        If the checkpoint is not valid for this film.
     """
     return RenderLoop(job, film, source, goal, checkpoint, progress).run()
 

@@ -34,7 +34,7 @@ class TileSource(Protocol):
         Raises
         ------
         ClusterError
-                If some samples can never be computed.
+            If some samples can never be computed.
         """
 
     def stop(self) -> None:
@@ -50,9 +50,9 @@ class Threads:
     Parameters
     ----------
     job : RenderJob
-            What is rendered.
-        film : Film
-            The film that they add samples to.
+        What is rendered.
+    film : Film
+        The film that they add samples to.
     """
 
     note = ""

@@ -109,10 +109,10 @@ def _factor(volume: Volume) -> Any:
 
 
 def _sigma_t(medium: Medium) -> Any:
-    """Return the extinction, or the factor of a grid; 0 where nothing ever collides.
+    """Return the extinction, or the factor of a grid; 0 if nothing ever collides.
 
-    A product of two float32, as in Mitsuba: there, in a medium that is constant, it equals
-    the majorant in all bits, so that no collision is null.
+    A product of two float32, as in Mitsuba. For a homogeneous medium it equals the
+    majorant bit by bit, so that no collision is a null collision.
     """
     nothing = medium.plugin != "homogeneous" and np.float32(_majorant(medium)) == 0.0
     scale = np.float32(0.0 if nothing else medium.scale)
@@ -122,7 +122,7 @@ def _sigma_t(medium: Medium) -> Any:
 def _majorant(medium: Medium) -> float:
     if medium.plugin == "homogeneous":
         return 0.0
-    # above every interpolated number, which rounding may raise by some units
+    # above every interpolated value, which rounding may increase by some units
     return medium.scale * medium.sigma_t.maximum * (1.0 + 2.0**-20)
 
 
@@ -130,7 +130,7 @@ def _majorant(medium: Medium) -> float:
 
 
 def _leaves(phase: Phase, share: float) -> Iterator[tuple[float, Phase]]:
-    """Yield the phase functions of a mixture with their shares, but those without any."""
+    """Yield the leaves of a mixture with their weights, without weights of 0."""
     if isinstance(phase, BlendedPhase):
         yield from _leaves(phase.first, share * (1.0 - phase.weight))
         yield from _leaves(phase.second, share * phase.weight)
@@ -148,7 +148,7 @@ def _kind(phase: Phase) -> int:
 
 
 def _table(phase: Phase) -> NDArray[np.float64]:
-    """Return densities at equally spaced cosines, and their integrals up to there."""
+    """Return the phase function at equally spaced cosines, and its integral up to them."""
     if not isinstance(phase, TabulatedPhase):
         return np.zeros((2, 0))
     values = np.array(phase.values)

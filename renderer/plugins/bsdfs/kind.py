@@ -79,48 +79,48 @@ class BsdfKind:
     Parameters
     ----------
     name
-            Name of the plugin in scene files.
+        Name of the plugin in scene files.
     parameters
-            A NamedTuple class. Its fields are annotated with the classes of
-            `renderer.plugins.bsdfs.parameters` and have the names of the description's
-            properties.
+        A NamedTuple class. Its fields are annotated with the classes of
+        `renderer.plugins.bsdfs.parameters` and have the names of the description's
+        properties.
     read
-            Function of the properties of a file that returns the description.
+        Function of the properties of a file that returns the description.
     about
         A few words for `--explain`.
     sample
         (parameters, wo, numbers) -> BsdfSample.
     eval_pdf
-            (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes. None if it has none.
+        (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes. None if it has none.
     albedo
-            parameters, or (parameters, wo) -> RGB for the AOV `albedo`. None: black.
+        parameters, or (parameters, wo) -> RGB for the AOV `albedo`. None: black.
     normal
-            (parameters, wo) -> local normal for the AOV `sh_normal`. None: z.
+        (parameters, wo) -> local normal for the AOV `sh_normal`. None: z.
     delta
-            Whether it has delta lobes.
+        Whether it has delta lobes.
     transmits
-            Whether it transmits light; then the same BSDF is on the back of a surface.
+        Whether it transmits light; then the same BSDF is on the back of a surface.
     straight
-            Whether it transmits light in the direction -wo (a delta lobe).
+        Whether it transmits light in the direction -wo (a delta lobe).
     eval_straight
-            (parameters, wo) -> RGB transmittance of shadow rays in media. None: black, as
-            `eval_null_transmission` of the same plugin in Mitsuba.
+        (parameters, wo) -> RGB transmittance of shadow rays in media. None: black, as
+        `eval_null_transmission` of the same plugin in Mitsuba.
     oriented
-            Whether it depends on x and y of the local frame: x is then along dp/du.
+        Whether it depends on x and y of the local frame: x is then along dp/du.
     opaque
-            Whether nested BSDFs must not transmit light.
+        Whether nested BSDFs must not transmit light.
     source
-            Module and hash of the file with the kernels; empty for the renderer's own
-            kinds.
+        Module and hash of the file with the kernels; empty for the renderer's own
+        kinds.
     variants
-            Kinds that `read` may return in its place; they are not plugins themselves.
+        Kinds that `read` may return in its place; they are not plugins themselves.
     reaches_all
-            BSDF of the description -> whether `sample` covers all directions where
-            `eval_pdf` is not 0, without neglecting a lobe. None: true for all of the kind.
+        BSDF of the description -> whether `sample` covers all directions where
+        `eval_pdf` is not 0, without neglecting a lobe. None: true for all of the kind.
     inside
-            Kinds of the nested BSDFs: the parameters annotated `Nested`.
+        Kinds of the nested BSDFs: the parameters annotated `Nested`.
     users_kernels
-            Kernels that a user has registered, by name; empty for the renderer's own kinds.
+        Kernels that a user has registered, by name; empty for the renderer's own kinds.
     """
 
     name: str
@@ -228,7 +228,7 @@ class BsdfKind:
         Parameters
         ----------
         tables
-                By the names of `tables` that begin with `start`.
+            By the names of `tables` that begin with `start`.
         """
         inside = iter(self.inside)
         return self.parameters(

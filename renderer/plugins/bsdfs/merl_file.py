@@ -84,7 +84,7 @@ def read_merl(path: Path) -> MeasuredTable:
     Raises
     ------
     SceneError
-            If it cannot be read, its size does not match its header, or it has infinities.
+        If it cannot be read, its size does not match its header, or it has infinities.
     """
     try:
         size = path.stat().st_size

@@ -149,7 +149,7 @@ def _loader(typingctx: Any, form: Any, given: Any, row: int) -> tuple[Any, Any, 
     form
         Numba type of the kind's record.
     given
-            Numba types of the points, of a row number and of the first point.
+        Numba types of the points, of a row number and of the first point.
     """
     cls = record_class(form)
     assert cls is not None

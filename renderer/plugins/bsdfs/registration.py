@@ -49,7 +49,7 @@ def check_kernels(name: str, kernels: Mapping[str, Any], **flags: Any) -> None:
     Parameters
     ----------
     kernels
-            By the names in `CALLED_WITH`; None for an absent one.
+        By the names in `CALLED_WITH`; None for an absent one.
     **flags
         `transmits` and `delta` of `register_bsdf`.
     """
@@ -143,7 +143,7 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
     Parameters
     ----------
     known
-            The registered kinds, by name.
+        The registered kinds, by name.
     """
     for other in known.values():
         # the stages find a kind's kernels by the class of its parameters

@@ -125,23 +125,23 @@ def register_bsdf(
     Parameters
     ----------
     name : str
-            Name of the plugin.
-        parameters : type
-            A NamedTuple class. Its fields are annotated `Color` or `Float`; a default
-            applies if a file does not give the property.
-        sample : kernel
-            (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the
-            smallest `numbers.choice` selects one and the largest the other, as Whitted's
-            trees need.
+        Name of the plugin.
+    parameters : type
+        A NamedTuple class. Its fields are annotated `Color` or `Float`; a default
+        applies if a file does not give the property.
+    sample : kernel
+        (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the
+        smallest `numbers.choice` selects one and the largest the other, as Whitted's
+        trees need.
     eval_pdf : kernel, optional
-            (parameters, wo, wi) -> f |cos| (RGB), pdf [1/sr]; None if all lobes are delta
-            lobes.
+        (parameters, wo, wi) -> f |cos| (RGB), pdf [1/sr]; None if all lobes are delta
+        lobes.
     albedo : kernel, optional
-            parameters -> RGB, for the AOV; None: black.
+        parameters -> RGB, for the AOV; None: black.
     delta : bool
-            Whether there are delta lobes; samples must then have their `lobe`.
+        Whether there are delta lobes; samples must then have their `lobe`.
     transmits : bool
-            Whether it transmits light.
+        Whether it transmits light.
     read : callable, optional
         Makes the description from `Properties`; None reads each parameter by its name.
     about : str
@@ -153,12 +153,12 @@ def register_bsdf(
     Raises
     ------
     PluginError
-            If the name is one of the renderer's own or given twice in one file; if there is
-            neither `eval_pdf` nor `delta`; if a function is not a kernel or takes other
-            arguments; if `transmission` comes without `reflection` or `transmits`; or if
-            the parameters are not a NamedTuple class of `Color` and `Float` with numbers as
-            defaults, or belong to another kind. Results of the kernels are checked when a
-            scene is rendered.
+        If the name is one of the renderer's own or given twice in one file; if there is
+        neither `eval_pdf` nor `delta`; if a function is not a kernel or takes other
+        arguments; if `transmission` comes without `reflection` or `transmits`; or if
+        the parameters are not a NamedTuple class of `Color` and `Float` with numbers as
+        defaults, or belong to another kind. Results of the kernels are checked when a
+        scene is rendered.
     """
     kernels = {
         "sample": sample,

@@ -32,17 +32,17 @@ def rough_transmittance(beckmann: bool, alpha: float, eta: float) -> tuple[Array
     Parameters
     ----------
     beckmann : bool
-            Beckmann distribution; otherwise GGX.
+        Beckmann distribution; otherwise GGX.
     alpha : float
-            Roughness, isotropic.
+        Roughness, isotropic.
     eta : float
-            Index of refraction of the transmitted side over that of the incident side.
+        Index of refraction of the transmitted side over that of the incident side.
 
     Returns
     -------
     ndarray of shape (64,), float
-            Transmittance by the cosine of the incident angle, 0 to 1; and the reflectance
-            for diffuse light from the other side.
+        Transmittance by the cosine of the incident angle, 0 to 1; and the reflectance
+        for diffuse light from the other side.
     """
     alpha = max(alpha, _SMOOTHEST)
     cosines = np.maximum(np.linspace(0.0, 1.0, RESOLUTION), _LEAST_COSINE)

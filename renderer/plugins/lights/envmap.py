@@ -143,7 +143,7 @@ def importance(
     ----------
     luminance : ndarray of shape (H, W)
     sine : ndarray of shape (H,)
-            Sine of the angle from the pole, for each row.
+        Sine of the angle from the pole, for each row.
     compensated
         Only luminance above the mean gets light samples; BSDF samples find the rest
         [Karlik2019].

@@ -132,32 +132,32 @@ class LightPlugin:
     Parameters
     ----------
     name
-            Name of the plugin in scene files.
+        Name of the plugin in scene files.
     description
-            Class of the scene description that `read` returns.
+        Class of the scene description that `read` returns.
     read
-            Function of the properties of a file that returns the description.
+        Function of the properties of a file that returns the description.
     table
-            (number of all lights, {light id: description}, a distance beyond the scene) ->
-            the record of the kind, columns by light id. For a kind with textures, a further
-            argument is the `LightTextures` or None.
+        (number of all lights, {light id: description}, a distance beyond the scene) ->
+        the record of the kind, columns by light id. For a kind with textures, a further
+        argument is the `LightTextures` or None.
     at_infinity
-            Whether the light is infinitely far away.
+        Whether the light is infinitely far away.
     bounds
-            description -> `LightBounds`: position, directions and power. They are used to
-            select lights, and to find surfaces that can never block them.
+        description -> `LightBounds`: position, directions and power. They are used to
+        select lights, and to find surfaces that can never block them.
     texture
-            Attribute of the description that may be a texture; "" if none. Lights with
-            textures of different kinds, and lights without, are in separate tables.
+        Attribute of the description that may be a texture; "" if none. Lights with
+        textures of different kinds, and lights without, are in separate tables.
     on_shapes
-            Whether the emitter is nested in a shape.
+        Whether the emitter is nested in a shape.
     environment
-            Whether rays that hit nothing find it: it implements `environment_light`. A
-            scene has at most one.
+        Whether rays that hit nothing find it: it implements `environment_light`. A
+        scene has at most one.
     even
-            Whether it is an environment of constant radiance. BSDF sampling alone then
-            mostly has less noise than light samples, or than MIS of both
-            (`Plan.finds_sky`).
+        Whether it is an environment of constant radiance. BSDF sampling alone then
+        mostly has less noise than light samples, or than MIS of both
+        (`Plan.finds_sky`).
     """
 
     name: str

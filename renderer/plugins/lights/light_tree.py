@@ -84,14 +84,14 @@ def on_surface(
     Parameters
     ----------
     points, margin
-            (3, k, n) and (n,): primitive i is in the hull of its k points, grown by its
-            margin.
+        (3, k, n) and (n,): primitive i is in the hull of its k points, grown by its
+        margin.
     normals
-            (3, n) on the emitting side; 0 where a primitive is not flat.
+        (3, n) on the emitting side; 0 where a primitive is not flat.
     areas
         (n,)
     radiance
-            Mean radiance [W/m^2/sr].
+        Mean radiance [W/m^2/sr].
     """
     corners = points.reshape(3, -1)
     grown = np.broadcast_to(margin, points.shape[1:]).ravel()
@@ -176,19 +176,19 @@ def light_choice(
     Parameters
     ----------
     bounds
-            One for each light id.
+        One for each light id.
     sides
         (BSDFs,) `importance.IN_FRONT`, `BOTH_SIDES` or `ANY_NORMAL`.
     environment
-            The light that rays find which hit nothing. -1 if there is none, or if it has no
-            light samples.
+        The light that rays find which hit nothing. -1 if there is none, or if it has no
+        light samples.
     by_pair
-            Whether the first random number selects the light, and is rescaled. It is better
-            stratified than the fourth.
+        Whether the first random number selects the light, and is rescaled. It is better
+        stratified than the fourth.
     by_place
-            Whether the selection ignores surface normals; points in media have none.
+        Whether the selection ignores surface normals; points in media have none.
     sampled
-            Ids of the lights that may be selected; None: all.
+        Ids of the lights that may be selected; None: all.
     """
     able = np.arange(len(bounds)) if sampled is None else sampled
     table = _Columns.of(bounds)

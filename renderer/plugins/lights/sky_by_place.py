@@ -90,7 +90,7 @@ def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
     levels : int
         At least 1; a warp has two patches or more.
     gives : ndarray of shape (rows, columns)
-            Sums to 1. Parts beyond the edge of the image have probability 0.
+        Sums to 1. Parts beyond the edge of the image have probability 0.
     """
     ends = [*warp.start[1:], warp.blocks.shape[1]]
     levels = 0
@@ -114,11 +114,11 @@ def sky_by_place(
     Parameters
     ----------
     seen : ndarray of shape (rows of cells, rows, columns)
-            Visible fraction of each part of the sky from a cell, in [0, 1].
+        Visible fraction of each part of the sky from a cell, in [0, 1].
     sun : ndarray of shape (rows of cells,)
-            Visible fraction of the sun.
+        Visible fraction of the sun.
     sky_gives : float
-            The sky's fraction of all light; 1 without a sun.
+        The sky's fraction of all light; 1 without a sun.
     """
     levels, gives = parts_of_sky(warp)
     lit = gives * seen

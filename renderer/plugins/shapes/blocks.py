@@ -68,9 +68,9 @@ def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int
     Parameters
     ----------
     group
-            Builds a `Group` from column numbers.
+        Builds a `Group` from column numbers.
     columns
-            (blocks * 8,) column for each lane of the blocks; -1 for an empty lane.
+        (blocks * 8,) column for each lane of the blocks; -1 for an empty lane.
     """
     form, rows, ids, count = group(np.maximum(columns, 0))
     eights = rows[:, :count].reshape(len(rows), -1, WIDTH).swapaxes(0, 1)

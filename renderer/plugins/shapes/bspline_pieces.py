@@ -72,9 +72,9 @@ def piece_polynomials(shape: BsplineCurve) -> tuple[NDArray[np.float32], Doubles
     Returns
     -------
     polynomials
-            Polynomials of the pieces, (n, 4, 4), each for s in [0, 1].
+        Polynomials of the pieces, (n, 4, 4), each for s in [0, 1].
     places
-            (n, 2): v of the whole shape at the start of each piece, and the range of v.
+        (n, 2): v of the whole shape at the start of each piece, and the range of v.
     """
     counts, segments = piece_counts(shape), segment_polynomials(shape)
     owner = np.repeat(np.arange(len(counts)), counts)

@@ -85,14 +85,14 @@ def extents_of(
     Parameters
     ----------
     kind
-            Name of the kind, a key of `renderer.plugins.shapes.registry.SHAPES`.
+        Name of the kind, a key of `renderer.plugins.shapes.registry.SHAPES`.
     surfaces
-            Table of that kind's primitives.
+        Table of that kind's primitives.
     order
         Columns of the record, (n,).
     reach
-                Rays that start within this sum of absolute coordinates shall be fast; the
-                box of the primitives is always included.
+            Rays that start within this sum of absolute coordinates shall be fast; the
+            box of the primitives is always included.
     """
     lower, upper = primitive_bounds(kind, surfaces)
     if not np.array_equal(order, np.arange(lower.shape[1])):

@@ -285,9 +285,9 @@ def along_line(program, origin, direction, t):
     Parameters
     ----------
     program
-            The program, a `Steps`.
+        The program, a `Steps`.
     origin, direction
-            Ray in double precision.
+        Ray in double precision.
     t
         Interval.
     """

@@ -54,62 +54,62 @@ class ShapeKind:
     Parameters
     ----------
     name
-            Name of the kind, in the plural.
+        Name of the kind, in the plural.
     plugins
-            Plugin name in scene files -> function of (properties of the file, the fields
-            that all shapes have) that returns the description.
+        Plugin name in scene files -> function of (properties of the file, the fields
+        that all shapes have) that returns the description.
     description
-            Class of the scene description.
+        Class of the scene description.
     record
-            Class of the table of its primitives: a NamedTuple with primitive ids `first`
-            and `end`, and arrays.
+        Class of the table of its primitives: a NamedTuple with primitive ids `first`
+        and `end`, and arrays.
     surfaces
-            (shapes, first primitive id) -> the table of these shapes.
+        (shapes, first primitive id) -> the table of these shapes.
     primitive
-            Class of one primitive as an accelerator stores it; its fields are annotated as
-            described in `kernels.lanes.fields`. None: rays are intersected with one
-            primitive at a time, in double precision, see `scalar_shapes`.
+        Class of one primitive as an accelerator stores it; its fields are annotated as
+        described in `kernels.lanes.fields`. None: rays are intersected with one
+        primitive at a time, in double precision, see `scalar_shapes`.
     numbers
-            (table, columns) -> the fields of the primitives as arrays (3, n) or (n,). None:
-            they are the table's arrays of the same names.
+        (table, columns) -> the fields of the primitives as arrays (3, n) or (n,). None:
+        they are the table's arrays of the same names.
     fill
-            (table, columns, rows): writes these fields to the first columns of `rows`,
-            (numbers of a primitive, n). None: done with `numbers`.
+        (table, columns, rows): writes these fields to the first columns of `rows`,
+        (numbers of a primitive, n). None: done with `numbers`.
     intersect
-            Kernel, `primitives.intersect`; without a `primitive`, `intersect_scalar`.
+        Kernel, `primitives.intersect`; without a `primitive`, `intersect_scalar`.
     point
-            Kernel, `scalar_shapes.point_alone`; used only without a `primitive`.
+        Kernel, `scalar_shapes.point_alone`; used only without a `primitive`.
     surface_point, tangent, sample, pdf, point_at_uv
-            Kernels, see `surface`. Without `sample` the kind cannot be an area light,
-            without `point_at_uv` not one with textured radiance.
+        Kernels, see `surface`. Without `sample` the kind cannot be an area light,
+        without `point_at_uv` not one with textured radiance.
     corners
-            table -> arrays (3, n); the box of these points contains each primitive.
+        table -> arrays (3, n); the box of these points contains each primitive.
     boxes
-            table -> lower and upper corners (3, n), padded (`extents.primitive_bounds`).
-            None: computed from `corners`.
+        table -> lower and upper corners (3, n), padded (`extents.primitive_bounds`).
+        None: computed from `corners`.
     hull
-            (table, columns) -> points (3, 4, n), radius (n,) and normal (3, n). A primitive
-            lies in the convex hull of its points, grown by the radius. A flat primitive
-            lies in the plane with this normal; the normal is 0 if it is not flat.
+        (table, columns) -> points (3, 4, n), radius (n,) and normal (3, n). A primitive
+        lies in the convex hull of its points, grown by the radius. A flat primitive
+        lies in the plane with this normal; the normal is 0 if it is not flat.
     areas
         (table, columns) -> surface areas (n,), float64.
     uv_axes
-            Kernel, see `uv.uv_derivatives`: dp/du and dp/dv at a local point, for bump
-            maps.
+        Kernel, see `uv.uv_derivatives`: dp/du and dp/dv at a local point, for bump
+        maps.
     derivatives
-            (table, its shapes) -> the record for `uv_derivatives`. None: made with
-            `uv_axes`; if that is None too, bump maps have no effect on such shapes.
+        (table, its shapes) -> the record for `uv_derivatives`. None: made with
+        `uv_axes`; if that is None too, bump maps have no effect on such shapes.
     orientation
-            shape -> -1 if its normal is opposite to the one that the kernels compute, else
-            1.
+        shape -> -1 if its normal is opposite to the one that the kernels compute, else
+        1.
     other_textured_side
-            shape -> the same for sampling textured radiance. None: `orientation`.
+        shape -> the same for sampling textured radiance. None: `orientation`.
     faces
-            shape -> the number of each primitive within the shape, (n,).
+        shape -> the number of each primitive within the shape, (n,).
     mesh
-            Whether a shape has many primitives: an area light then selects one by a table.
+        Whether a shape has many primitives: an area light then selects one by a table.
     prepared
-            (table, with_uv, with_tangents) -> the table, reduced to what the kernels read.
+        (table, with_uv, with_tangents) -> the table, reduced to what the kernels read.
     """
 
     name: str

@@ -203,11 +203,11 @@ def smooth_gradient(distances, begin, points, p):
     Parameters
     ----------
     distances, begin
-            The distances of all grids, and the index of the first one of this grid.
+        The distances of all grids, and the index of the first one of this grid.
     points
-            Number of grid points along x, y and z.
+        Number of grid points along x, y and z.
     p
-            Position; grid points have integer coordinates.
+        Position; grid points have integer coordinates.
     """
     q = vec3(np.round(p.x), np.round(p.y), np.round(p.z))
     x0, x1, u = _two_slopes(

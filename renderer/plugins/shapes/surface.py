@@ -61,9 +61,9 @@ def surface_point(
     index
         Columns of the record.
     u, v
-            Coordinates (u, v) of the hits on their primitives.
+        Coordinates (u, v) of the hits on their primitives.
     hit_point
-            p + t d, used by curved kinds.
+        p + t d, used by curved kinds.
     with_uv
         0 if the scene does not use texture coordinates.
     """
@@ -97,11 +97,11 @@ def pdf_shape(
     Parameters
     ----------
     light, prim
-            Ids of the light, and of the primitive that was hit.
+        Ids of the light, and of the primitive that was hit.
     position
-            The receiving point.
+        The receiving point.
     distance, cosine
-            Distance to the light, and |cosine| at the light.
+        Distance to the light, and |cosine| at the light.
     """
 
 

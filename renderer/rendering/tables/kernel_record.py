@@ -84,7 +84,7 @@ class KernelInputs:
     Attributes
     ----------
     record : KernelScene
-            Its addresses point to arrays that this object keeps alive.
+        Its addresses point to arrays that this object keeps alive.
     sampler : Packed
         The record of the source of random numbers.
     surfaces : dict
@@ -133,13 +133,13 @@ class _SceneTables:
     Attributes
     ----------
     record : KernelScene
-            Without the methods of the sampler.
-        methods : MethodTables
-            Keeps alive what the addresses in `record` point to.
+        Without the methods of the sampler.
+    methods : MethodTables
+        Keeps alive what the addresses in `record` point to.
     surfaces : dict
         Kind of shape -> its record.
     chooses : bool
-            Whether the sampler selects lights, uniformly.
+        Whether the sampler selects lights, uniformly.
     """
 
     def __init__(

@@ -63,13 +63,13 @@ def seen_sky(
     Parameters
     ----------
     scene : Scene
-            The scene that occludes it.
-        sensor, groups : ndarray
-            Methods of the camera and of the primitives.
-        sky : EnvironmentMaps or SunSkies
-            The environment.
-        through_panes : bool
-            Whether rays pass up to `_MOST_PANES` surfaces of panes.
+        The scene that occludes it.
+    sensor, groups : ndarray
+        Methods of the camera and of the primitives.
+    sky : EnvironmentMaps or SunSkies
+        The environment.
+    through_panes : bool
+        Whether rays pass up to `_MOST_PANES` surfaces of panes.
     """
     levels, gives = parts_of_sky(sky.warp)
     patches = 2 ** (len(sky.warp.start) - levels)  # along each side of a part
@@ -221,7 +221,7 @@ def _blurred(x: Floats, axis: int, size: int, mode: Any) -> Floats:
 
 
 def _over_cells(seen: Floats, cells: Cells) -> Floats:
-    """Return averages over neighbouring cells; the first axis of `seen` is that of cells."""
+    """Return averages over neighbouring cells; the first axis of `seen` is the cells."""
     rows = cells.row.reshape(cells.size[::-1])
     total, weight = 2.0 * seen, np.full(len(seen), 2.0)
     around = np.pad(rows, 1)
