@@ -206,8 +206,8 @@ def depth_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
 def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
     """Find point and spot lights enclosed by smooth glass, null surfaces or masks.
 
-    Rough glass does not count: shadow rays end on it. Single spheres and meshes are
-    tested, not closed arrangements of several shapes.
+    Rough glass does not count: light samples on its surface find the light. Single spheres
+    and meshes are tested, not closed arrangements of several shapes.
     """
     if not plan.samples_lights:
         return

@@ -98,7 +98,7 @@ def check_values_of_users(materials: MaterialTables) -> None:
 
 
 def blame_users(error: Exception, kinds: Iterable[BsdfKind]) -> None:
-    """Raise an error that names the users' BSDFs of a scene, after an exception in a kernel.
+    """Raise an error that names a scene's user BSDFs, after an exception in a kernel.
 
     The renderer's own kernels raise nothing. A user's kernel raises if it indexes a tuple
     out of range; compiled code does not know the line.

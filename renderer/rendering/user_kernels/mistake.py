@@ -169,7 +169,7 @@ class Mistake:
         return filename == self.function.__code__.co_filename or is_users_file(filename)
 
     def _look_around(self, filename: str, line: int) -> None:
-        """Find the function that contains a line, and the nodes of its syntax tree there."""
+        """Find the function that contains a line, and its syntax nodes there."""
         tree: ast.AST | None = tree_of(self.function)
         if not _is_in(self.function, filename, line):
             outer = [
@@ -207,7 +207,7 @@ class Mistake:
         return match[1], name.strip(), arguments.rstrip().removesuffix(")")
 
     def class_called(self, name: str) -> Any:
-        """Return the NamedTuple class of a name, built in or the user's; None if unknown."""
+        """Return the NamedTuple class of a name, ours or the user's; None if unknown."""
         known = [Numbers, BsdfSample, Branch, *names_in(self.kernel.py_func).values()]
         known += names_in(self.function).values()
         for cls in known:
@@ -216,7 +216,7 @@ class Mistake:
         return None
 
     def called_kernel(self) -> str:
-        """Return the name of the kernel that the line calls, if the error is inside of it."""
+        """Return the kernel that the line calls, if the error is inside of it."""
         before = self.text[: self._at]
         names = re.findall(r"callee type: type\(CPUDispatcher\(<function (\w+)", before)
         return f"the kernel {names[-1]}" if names else ""

@@ -115,7 +115,7 @@ def _called_in_vain(node: ast.AST, function: Any) -> str:
 
 
 def tree_of(function: Any) -> ast.AST | None:
-    """Return the syntax tree of a function with the lines of its file; None without file."""
+    """Return the syntax tree of a function with its file's lines; None without file."""
     linecache.checkcache(function.__code__.co_filename)
     try:
         lines, first = inspect.getsourcelines(function)
@@ -129,7 +129,7 @@ def tree_of(function: Any) -> ast.AST | None:
 
 
 def resolve(node: ast.AST, function: Any) -> Any:
-    """Return the value of a name, or of a module's attribute, in a function; None if unknown."""
+    """Return the value of a name or attribute in a function; None if unknown."""
     if isinstance(node, ast.Name):
         return names_in(function).get(node.id)
     if isinstance(node, ast.Attribute):

@@ -92,7 +92,7 @@ class LivePage:
         self._last_look = float("-inf")
         self._news = threading.Event()
         self._had = 0  # the last version that a page has received
-        self._delivered = threading.Event()  # set when a page has the whole finished picture
+        self._delivered = threading.Event()  # a page has the whole finished picture
         self._over = False
         self._next_picture = 0.0
         try:
@@ -166,7 +166,7 @@ class LivePage:
             "samples": image.samples_text,
         }
         self._put(image.pixels, image.aovs, image.aov_kinds)
-        self._over = True  # set after the picture: the page fetches all layers of the last one
+        self._over = True  # set after the picture: the page fetches all its layers
         self._news.set()
         if self.is_watched or not self.was_opened:
             self._delivered.wait(patience if image.complete else min(patience, BRIEF))
