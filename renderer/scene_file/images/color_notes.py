@@ -69,7 +69,7 @@ def bytes_of_rows(content: bytes) -> int:
     for x, y, step_x, step_y in _PASSES if interlace else ((0, 0, 1, 1),):
         columns, rows = -(-(width - x) // step_x), -(-(height - y) // step_y)
         if columns > 0 and rows > 0:
-            total += rows * (1 + -(-columns * bits // 8))  # each row has a byte for its filter
+            total += rows * (1 + -(-columns * bits // 8))  # one byte for the filter
     return total
 
 

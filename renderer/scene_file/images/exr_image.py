@@ -81,7 +81,7 @@ def read_exr(path: Path) -> Image:
 
     try:
         with OpenEXR.File(str(path), header_only=True) as file:
-            headers = [dict(part.header) for part in file.parts]  # valid only while it is open
+            headers = [dict(part.header) for part in file.parts]  # valid while it is open
             _check_size(path, headers)
             _check_kind(path, headers[0])
         with (

@@ -43,7 +43,7 @@ def srgb_from(points: Sequence[float]) -> NDArray[np.float32]:
 
 
 def _xyz_from(points: Sequence[float]) -> NDArray[np.float64]:
-    """Return the matrix to XYZ: its columns are the scaled primaries, their sum is white."""
+    """Return the matrix to XYZ: its columns are scaled primaries, their sum is white."""
     x, y = np.asarray(points, np.float64).reshape(4, 2).T
     columns = np.stack([x, y, 1.0 - x - y])  # normalised to X + Y + Z = 1
     white = columns[:, 3] / y[3]

@@ -83,7 +83,7 @@ def _read_8_bit(path: Path) -> Image:
         formats.append("TGA")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's warnings of sizes that are checked below
+            warnings.simplefilter("ignore")  # Pillow's, about sizes checked below
             with Pillow.open(path, formats=formats) as image:
                 if image.width * image.height > _LARGEST:
                     raise SceneError(
