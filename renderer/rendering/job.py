@@ -290,7 +290,7 @@ def filter_of(scene: Scene, plan: Plan) -> FilterTable:
     table = filter_table(scene.description.camera.film.rfilter)
     if (
         plan.kind.counts_work
-    ):  # counts have a box filter, so that they can be added
+    ):  # counts have a box filter: they stay in their own pixel and can be added
         table = BOX
     if plan.moments is None:
         return table

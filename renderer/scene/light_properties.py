@@ -58,7 +58,7 @@ def has_textured_lights(description: SceneDescription) -> bool:
 
 
 def sampled_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
-    """Return the ids of the lights with light samples; with `finds_sky` not the even sky's."""
+    """Return the ids of the sampled lights: without an even sky if `finds_sky`."""
     order, emitters = light_order(description), description.emitters
     sampled = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
     if finds_sky:

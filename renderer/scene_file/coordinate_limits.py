@@ -35,10 +35,10 @@ def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> N
 
     Parameters
     ----------
-    World space points; the box of each primitive is within their boxes.
-properties
-    Properties of the shape.
-        Of the shape.
+    corners
+        World space points; the box of each primitive is within their boxes.
+    properties
+        Properties of the shape.
 
     Raises
     ------

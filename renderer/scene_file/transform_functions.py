@@ -22,7 +22,6 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike) -> Matrix:
     """Return world_from_camera of a camera that looks at a point.
 
     Parameters
-    Parameters
     ----------
     origin, target : 3 numbers
         Position of the camera, and a point on its +z axis.

@@ -150,6 +150,8 @@ def _loader(typingctx: Any, form: Any, given: Any, row: int) -> tuple[Any, Any, 
         Numba type of the kind's record.
     given
         Numba types of the points, of a row number and of the first point.
+    row
+        First row of the record.
     """
     cls = record_class(form)
     assert cls is not None

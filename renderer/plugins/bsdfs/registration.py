@@ -138,7 +138,6 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
 
     A kind may be registered again, as at a prompt or when its module is reloaded. Two kinds
     of the same name in one file are a mistake.
-    one name in one file are a mistake.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class Sky(NamedTuple):
     limb: Array  # (45, 3, 4, 6) coefficients of a sun with it, by segment of elevation
     cosine: float  # cosine of the sun's angular radius, a float32
     share: float  # probability of sampling the sky and not the sun, a float32
-    warp: Array  # (5,) probability of the peak, slope of the rest; the peak's mean, deviations
+    warp: Array  # (5,) probability of the peak, slope of the rest; mean, deviations
     mean: float  # mean radiance over all directions, sun included
 
 

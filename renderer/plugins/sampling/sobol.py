@@ -123,7 +123,6 @@ def net_digits(bits: int) -> NDArray[np.uint32] | None:
 
     The first two coordinates are the net of [Larcher2003]: the reversed index, and its
     product with a triangle of ones. Its points have a large minimum distance.
-    triangle of ones makes of its bits. Its points keep away from one another.
 
     Returns
     -------

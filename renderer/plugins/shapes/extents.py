@@ -91,8 +91,8 @@ def extents_of(
     order
         Columns of the record, (n,).
     reach
-            Rays that start within this sum of absolute coordinates shall be fast; the
-            box of the primitives is always included.
+        Rays that start within this sum of absolute coordinates shall be fast; the box
+        of the primitives is always included.
     """
     lower, upper = primitive_bounds(kind, surfaces)
     if not np.array_equal(order, np.arange(lower.shape[1])):

@@ -149,7 +149,7 @@ class ShapeKind:
         return (self.other_textured_side or self.orientation)(shape)
 
     def corners_of(self, shape: Any) -> list[NDArray[np.float32]]:
-        """Return points whose box contains a shape; those of no face are within `FARTHEST`."""
+        """Return points whose box contains a shape, perhaps with unused vertices."""
         if self.mesh:  # building the tables of a large mesh takes long
             near = np.abs(shape.vertices).max(initial=0.0) < FARTHEST
             return [shape.vertices if near else shape.vertices[shape.faces]]

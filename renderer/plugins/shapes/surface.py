@@ -120,12 +120,12 @@ def point_at_uv(
 
     Parameters
     ----------
+    chart
         For meshes: which triangles cover each (u, v), a `UvChart`.
-        Of meshes: where each triangle lies in (u, v).
+    prim
         The primitive, if the light has only one.
-        The primitive, where the light has only one.
+    orientation
         -1 if the outward normal is flipped, else 1.
-        -1 where the outward normal is flipped.
     """
 
 

@@ -50,7 +50,7 @@ def _in_test(found: Mistake, node: Any) -> bool:
 
 
 def without_meaning(found: Mistake) -> str:
-    """Detect functions of Python, `math`, NumPy, and operators, that lanes do not support."""
+    """Detect functions of Python, `math` or NumPy, and operators, that lanes lack."""
     function, name, arguments = found.call_without_meaning()
     if not name:
         return ""

@@ -51,8 +51,9 @@ def read_channels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float64]]
 
     Raises
     ------
-    For another format, version or type, no points along an axis, fewer numbers than in
-    the header, or a number that is not finite.
+    SceneError
+        For another format, version or type, no points along an axis, fewer numbers than
+        in the header, or a number that is not finite.
     """
     try:
         content = path.read_bytes()
