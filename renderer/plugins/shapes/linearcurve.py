@@ -122,7 +122,7 @@ def hit_segment(segment, origin, direction, t_max):
     c = rest * dot(across, across) - here * here
     discriminant = b * b - a * c
     root = sqrt(maximum(discriminant, ZERO))
-    # the smaller root; of its two forms the one without cancellation
+    # the root where the ray enters; of its two forms the one without cancellation
     t_cone = select(b > ZERO, -(b + root) / a, c / (root - b))
     v_cone = s + (z + t_cone * d_z + radius * slope) / rest * inverse
     met = has_cone & (discriminant > ZERO) & (v_cone >= ZERO) & (v_cone <= ONE)

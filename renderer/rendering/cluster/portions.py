@@ -96,7 +96,7 @@ class Portions:
         return Portion(tuple(places), tuple(begins), tuple(ends))
 
     def fair_share(self, rate: float, threads: int) -> float:
-        """Return the number of samples to take for a worker with `threads` threads.
+        """Return the samples to take for a portion, if `threads` threads share the work.
 
         `rate` is the number of samples per second of one thread; 0: unknown.
         """

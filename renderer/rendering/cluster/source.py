@@ -38,7 +38,7 @@ from renderer.rendering.render_options import RenderOptions
 LOOK = 0.5  # [s] between two checks for new and lost workers
 PAUSE = 0.005  # [s] between two checks for results
 PATIENCE = 60.0  # [s] to wait without a worker, such as while all of them restart
-AHEAD = 1  # portions queued at a worker, in addition to those of its threads
+AHEAD = 1  # portions queued per worker, in addition to those of its threads
 RETRIES = 3  # of a portion that fails on workers that are not lost
 MOST_DEATHS = 10  # losses of all workers that have a portion, until the render fails
 AGAIN = 30.0  # [s] until a worker without memory is checked again: others may free some

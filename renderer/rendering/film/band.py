@@ -154,7 +154,7 @@ class FinishedTiles(Film):
     threads : int
         Number of threads that call `sums_of`, each with its own number.
     longest : int
-        Largest number of tiles of a strip, so that interrupts and progress are fast.
+        Largest number of tiles of a strip; it bounds the samples traced at once.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ def _larger(value, most):
 
 @entry_kernel
 def mark_flat(begin, end, vertices, faces, part, least, flat):
-    """Set `flat` for faces lower than `part` of the longest edge, or below `least`."""
+    """Set `flat` where 2 area <= `part` longest edge^2, or 2 area < `least`."""
     for k in range(begin, end):
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
         side_b, side_c = _edge(vertices, a, b), _edge(vertices, a, c)
