@@ -1,1 +1,1 @@
-"""Advice that renders nothing: cautions about a scene, and what it may do without."""
+"""Advice without rendering: cautions about a scene, and possible simplifications."""

@@ -1,10 +1,10 @@
-"""Cautions: what in a scene the chosen method is known to fail at.
+"""Cautions: properties of a scene for which the chosen method is known to fail.
 
-Each is drawn from the description alone. What stands in front of what, and what mirrors
-show, is not looked at: a caution holds where the camera sees what it names. Silence is no
-promise: what a check gives up is named in its docstring, and none but that of far
-coordinates looks into instances. Each has the name of what measures it in the atlas of
-failures (`reports/atlas`). Nothing here runs while a picture is rendered.
+Each follows from the description alone. Visibility and reflections are not considered: a
+caution applies if the camera sees what it names. No caution is no guarantee: the docstring
+of a check tells what it ignores, and only the check of far coordinates includes instances.
+Each check has the name of its measurement in the atlas of failures (`reports/atlas`). No
+check runs during a render.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from renderer.scene.scene import Scene
 
 __all__ = ["CHECKS", "Caution", "cautions_of"]
 
-# name in the atlas -> what finds scenes that are in it
+# name in the atlas -> function that yields the cautions of a scene
 CHECKS: Mapping[str, Callable[[Scene, Plan], Iterator[str]]] = {
     "far-from-origin": far_coordinates,
     "coincident-surfaces": coincident_surfaces,
@@ -36,10 +36,10 @@ CHECKS: Mapping[str, Callable[[Scene, Plan], Iterator[str]]] = {
 
 
 def cautions_of(scene: Scene, plan: Plan) -> tuple[Caution, ...]:
-    """Return all that is to be said about a scene that is rendered so.
+    """Return all cautions of a scene and a plan.
 
-    A defect of a check breaks no render: it is said in the place of its cautions, and
-    warned of, which fails tests.
+    An exception in a check does not end a render: it is reported in place of its cautions,
+    and as a warning, which makes tests fail.
     """
     found: list[Caution] = []
     for row, check in CHECKS.items():

@@ -1,4 +1,4 @@
-"""Cautions: what a scene holds that is known to fail, or to take long."""
+"""Checks of a scene for known failures and for long render times."""
 
 from __future__ import annotations
 
@@ -32,46 +32,46 @@ from renderer.scene_file.description import (
 from renderer.scene_file.transforms import mirrors
 
 # ------------------------------------------------------------------------------ caution
-# One caution, and how shapes are named in it.
+# A caution, and the names of shapes in it.
 
 MOST_NAMED = 3
 
 
 class Caution(NamedTuple):
-    """A sentence without a full stop, and where it is measured."""
+    """A sentence without its full stop, and where the failure is measured."""
 
     text: str
-    row: str  # its name in the atlas of failures
+    row: str  # name in the atlas of failures
 
     def __str__(self) -> str:
-        """Return both."""
+        """Return the sentence, and the name in the atlas."""
         return f"{self.text} (atlas: {self.row})"
 
 
 def name_of(shape: Shape) -> str:
-    """Return a shape's id, or the line that it stands on."""
+    """Return a shape's id, or its line in the file."""
     kind = type(shape).__name__.lower()
     return repr(shape.id) if shape.id else f"the {kind} of line {shape.location.line}"
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return the first few names, and how many more there are."""
+    """Return the first few names, and the number of the others."""
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 # ---------------------------------------------------------------------- far coordinates
-# Coordinates so large that single precision is coarser than a pixel.
+# Coordinates for which single precision is coarser than a pixel.
 
 STEP = 2.0**-23  # of float32, relative
-SHARE = 0.25  # of a pixel's width that a step may take
+SHARE = 0.25  # allowed step in widths of a pixel
 
 
 def far_coordinates(scene: Scene, plan: Plan) -> Iterator[str]:
-    """Find shapes of which every point is stored in steps of a good part of a pixel.
+    """Find shapes whose coordinates all have steps of more than `SHARE` of a pixel.
 
-    For each primitive the smallest coordinate and the largest distance from the camera
-    that its box allows are taken, so that it is certain.
+    The estimate is conservative: it uses the smallest coordinate and the largest distance
+    from the camera that the box of a primitive allows.
     """
     camera = scene.description.camera
     if not isinstance(camera, PerspectiveCamera):
@@ -81,13 +81,13 @@ def far_coordinates(scene: Scene, plan: Plan) -> Iterator[str]:
     shapes = scene.description.shapes
     finest = np.full(len(scene.description.every_shape), np.inf)
     coarsest = np.zeros(len(finest))
-    first = 0  # primitive ids run through the kinds
+    first = 0  # primitive ids continue across the kinds
     for kind, surfaces in scene.surfaces.items():
         count = scene.starts[kind][0]
         low, high = (
             side[:, :count].astype(np.float64) for side in primitive_bounds(kind, surfaces)
         )
-        # a box that holds 0 in an axis has steps as fine as can be there
+        # a box that contains 0 along an axis has arbitrarily small steps there
         least = np.where(low * high > 0.0, np.minimum(abs(low), abs(high)), 0.0).max(axis=0)
         reach = np.maximum(abs(low - eye[:, None]), abs(high - eye[:, None]))
         step = STEP * least / (pixel * np.linalg.norm(reach, axis=0))
@@ -106,7 +106,7 @@ def far_coordinates(scene: Scene, plan: Plan) -> Iterator[str]:
 
 
 # --------------------------------------------------------------------------- flat faces
-# All that is flat in a scene as triangles.
+# All flat shapes of a scene as triangles.
 
 Floats = NDArray[np.float64]
 
@@ -119,18 +119,18 @@ _BARYCENTRIC = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class Faces(NamedTuple):
-    """Triangles that have an area; a disk is a polygon of 24 corners."""
+    """Triangles with an area; a disk is a polygon of 24 corners."""
 
     corners: Floats  # (n, 3, 3)
-    normal: Floats  # (n, 3) unit, on the side that the shape's description calls front
+    normal: Floats  # (n, 3) unit, on the front of the shape
     turn: Floats  # (n,) -1 where the normal is opposite to (b - a) x (c - a)
     area: Floats  # (n,)
-    place: Floats  # (n, 3, 2) of each corner in the texture; of a disk, local x and y
+    place: Floats  # (n, 3, 2) uv of each corner; for a disk, local x and y
     owner: NDArray[np.int64]  # (n,) index of the shape
 
 
 def flat_faces(shapes: tuple[Shape, ...]) -> Faces:
-    """Return the rectangles, disks and meshes among some shapes."""
+    """Return the faces of the rectangles, disks and meshes among some shapes."""
     corners, place, owner = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 2))], []
     front = np.ones(len(shapes))
     for index, shape in enumerate(shapes):
@@ -169,17 +169,17 @@ def flat_faces(shapes: tuple[Shape, ...]) -> Faces:
 
 
 # -------------------------------------------------------------------------------- glass
-# What glass hides: lights inside of it, and all behind it where paths are too short.
+# Objects that glass hides: lights inside of it, and everything behind it at low max_depth.
 
-THROUGH_A_SURFACE = 3  # segments: to the glass, to what is lit behind it, to its lamp
-THROUGH_A_BODY = 4  # one more, out of the glass
+THROUGH_A_SURFACE = 3  # segments: to the glass, to the surface behind it, to its light
+THROUGH_A_BODY = 4  # and one to leave the glass
 
 
 def depth_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
-    """Find glass through which nothing that is lit can be seen at all.
+    """Find glass through which no illuminated surface is visible at the plan's max_depth.
 
-    Each shape by itself: glass in glass or behind glass takes more segments than this
-    knows of, and so does glass in instances, which counts as one surface.
+    Each shape is considered separately: glass inside or behind other glass needs more
+    segments. Glass in instances counts as a single surface.
     """
     if not plan.kind.sees_lights or plan.kind.first_hit:
         return
@@ -204,15 +204,15 @@ def depth_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
 
 
 def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
-    """Find point and spot lights that smooth glass, nothing or holes are closed around.
+    """Find point and spot lights enclosed by smooth glass, null surfaces or masks.
 
-    Rough glass is found by shadow rays and does not count. Spheres and meshes are looked
-    at, not what several shapes enclose together.
+    Rough glass does not count: light samples on its surface find the light. Single spheres
+    and meshes are tested, not closed arrangements of several shapes.
     """
     if not plan.samples_lights:
         return
     shapes = scene.description.shapes
-    # where there are media, shadow rays go through all but glass
+    # in scenes with media shadow rays pass everything except glass
     stops = _is_glass if plan.kind.media else _stops
     glass = [shape for shape in shapes if stops(shape.bsdf) and is_closed(shape)]
     lamps, around = 0, []
@@ -235,7 +235,7 @@ def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
 
 
 def _stops(bsdf: Any) -> bool:
-    """Return whether light goes through where a shadow ray does not."""
+    """Return whether light passes a BSDF where shadow rays are blocked."""
     if isinstance(bsdf, Mask):
         return mean_of(bsdf.opacity) < 1.0 or _stops(bsdf.nested)
     return isinstance(bsdf, Dielectric | ThinDielectric | Null)
@@ -246,14 +246,14 @@ def _is_glass(bsdf: Any) -> bool:
 
 
 # ----------------------------------------------------------------------- surface points
-# Points all over the surfaces of a scene, as many for equal areas.
+# Points distributed uniformly by area over the surfaces of a scene.
 
-# of the two-dimensional sequence that goes on from the golden ratio
+# R2 sequence, a generalization of the golden ratio sequence
 _STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
 class SurfacePoints(NamedTuple):
-    """Points with the normals that their shapes' descriptions call front."""
+    """Points, with the normals on the front of their shapes."""
 
     position: Floats  # (n, 3)
     normal: Floats  # (n, 3) unit
@@ -289,23 +289,22 @@ def surface_points(shapes: tuple[Shape, ...], count: int) -> SurfacePoints:
 
 
 # ------------------------------------------------------------------ undersampled lights
-# Lamps that are sampled too rarely, because lights are sampled uniformly.
+# Lights that are sampled too rarely by uniform selection.
 
-LIMIT = 4.0  # standard deviation of a sample over the mean: 25 % error at 256 samples
-NEARLY_ALL = 0.9  # of the lit area
-POINTS = 1024  # at which lamps are looked at
+LIMIT = 4.0  # standard deviation over mean of a sample: 25 % error at 256 samples
+NEARLY_ALL = 0.9  # of the illuminated area
+POINTS = 1024  # at which lights are evaluated
 _KNOWN = Disk, Mesh, Rectangle, Sphere
 
 
 def undersampled_lights(scene: Scene, plan: Plan) -> Iterator[str]:
-    """Find scenes nearly all of whose area gets its light from few of many lamps.
+    """Find scenes where most of the area is illuminated by few of many lights.
 
-    With n lamps that give f each, a uniform choice has a standard deviation of
-    sqrt(n sum f^2 / (sum f)^2 - 1) of the mean. A choice by what lamps can give has nearly
-    none: it is not looked at. Shadows are not looked at, nor what of the
-    area is in view: where a shadow falls the value is another, larger or smaller. Of
-    extended lamps and of other shapes than flat ones and spheres nothing is known here:
-    a scene that has any gets no caution.
+    For n lights with contributions f, uniform selection has a relative standard deviation
+    of sqrt(n sum f^2 / (sum f)^2 - 1). Selection by importance has nearly none and is not
+    checked. Shadows and the visible part of the area are ignored: in a shadow the value may
+    be larger or smaller. Area lights, environments, and shapes other than flat ones and
+    spheres are not evaluated: a scene with any of them gets no caution.
     """
     emitters = scene.description.emitters
     lamps = [e for e in emitters if isinstance(e, PointLight | SpotLight)]
@@ -334,7 +333,7 @@ def undersampled_lights(scene: Scene, plan: Plan) -> Iterator[str]:
 
 
 def _asks_lamps(shape: Shape) -> bool:
-    """Return whether there is more to a shape than mirrors and glass."""
+    """Return whether a shape has smooth lobes."""
     return any(side is not None and kind_of(side).smooth for side in sides(shape.bsdf))
 
 
@@ -343,9 +342,9 @@ def _is_lit_from_behind(bsdf: Any) -> bool:
 
 
 def _irradiance(lamp: Any, points: SurfacePoints, both: NDArray[np.bool_]) -> Floats:
-    """Return what an unshadowed lamp gives, 0 beyond the cone of a spot.
+    """Return the unshadowed irradiance of a light, 0 outside of a spot's cone.
 
-    And behind the points, but where both sides are lit.
+    Also 0 on the back of the points, except where both sides are illuminated.
     """
     spot = isinstance(lamp, SpotLight)
     away = points.position - (lamp.to_world[:3, 3] if spot else np.array(lamp.position))

@@ -1,4 +1,4 @@
-"""Which shapes are closed, and what is inside of them."""
+"""Tests whether shapes are closed, and whether points are inside of them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 
 from renderer.scene_file.description import Mesh, Shape, Sphere
 
-MOST_FACES = 20_000  # more are not looked at
+MOST_FACES = 20_000  # larger meshes are not tested
 
 
 def outward(mesh: Mesh) -> float | None:
-    """Return 1 where (b - a) x (c - a) of a closed mesh's faces a, b, c is outwards.
+    """Return 1 if (b - a) x (c - a) points outwards on the faces of a closed mesh.
 
-    And -1 where it is inwards, 0 for an open mesh; None if that is not known: for more
-    than `MOST_FACES` faces, and for faces that do not turn one way. Equal vertices count
-    as one.
+    -1 if it points inwards, 0 for an open mesh. None if unknown: for more than `MOST_FACES`
+    faces, or inconsistent orientation. Vertices at equal positions are merged.
     """
     if len(mesh.faces) > MOST_FACES:
         return None
@@ -33,15 +32,15 @@ def outward(mesh: Mesh) -> float | None:
 
 
 def is_closed(shape: Shape) -> bool:
-    """Return whether a shape is known to have an inside."""
+    """Return whether a shape is known to be closed."""
     return isinstance(shape, Sphere) or (isinstance(shape, Mesh) and bool(outward(shape)))
 
 
 def encloses(shape: Shape, point: NDArray[np.float64]) -> bool:
     """Return whether a point is inside of a closed shape.
 
-    Of a mesh by the solid angle of its faces: 4 pi inside and 0 outside; each face's by its
-    three corners seen from the point [VanOosterom1983].
+    For a mesh, the solid angles of its faces [VanOosterom1983] add up to 4 pi for a point
+    inside and to 0 outside.
     """
     if isinstance(shape, Sphere):
         local = np.linalg.solve(shape.to_world, np.append(point, 1.0))[:3]

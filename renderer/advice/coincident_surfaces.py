@@ -1,4 +1,4 @@
-"""Surfaces that lie in one another, so that rounding decides which one a ray hits."""
+"""Coincident surfaces, where rounding decides which one a ray hits."""
 
 from __future__ import annotations
 
@@ -28,35 +28,36 @@ from renderer.scene_file.description import (
 )
 
 # ----------------------------------------------------------------------- appearance key
-# Whether two shapes look the same wherever they lie on one another.
+# Whether two shapes look the same wherever they coincide.
 
-Digests = dict[int, bytes]  # of arrays by their id, as long as their scene lives
+Digests = dict[int, bytes]  # digest of an array by its id(), while the scene exists
 
 
 class Look(NamedTuple):
-    """What tells a shape's surface from another's; equal values may still differ by these.
+    """The appearance of a shape, as far as it can be compared.
 
-    The direction of brushed materials is not among them.
+    The flags tell where equal `values` may still look different. The anisotropic direction
+    of materials is ignored.
     """
 
-    values: Any  # of material and light; equal where they are
-    one_sided: bool  # it is another one from behind
-    textured: bool  # it is another one from place to place
+    values: Any  # of material and light; hashable
+    one_sided: bool  # the back looks different
+    textured: bool  # the appearance varies over the surface
 
 
 def look_of(shape: Shape, digests: Digests) -> Look:
-    """Return what a shape looks like; `digests` is filled, for images that shapes share."""
+    """Return the appearance of a shape; `digests` caches those of shared images."""
     given = (shape.bsdf, shape.radiance)
     textured = any(is_textured(part) for part in _parts(given))
     values = values_of(given, digests)
-    if textured:  # the places in a disk's texture are no other shape's
+    if textured:  # the uv of a disk are like those of no other shape
         attributes = shape.attributes if isinstance(shape, Mesh) else {}
         values = values, isinstance(shape, Disk), values_of(attributes, digests)
     return Look(values, shape.radiance is not None or _one_sided(shape.bsdf), textured)
 
 
 def values_of(look: Any, digests: Digests) -> Any:
-    """Return something hashable that is equal for equal descriptions, arrays by value."""
+    """Return a hashable value, equal for equal descriptions; arrays compare by content."""
     if isinstance(look, Location):
         return None
     if isinstance(look, np.ndarray):
@@ -70,7 +71,7 @@ def values_of(look: Any, digests: Digests) -> Any:
         return type(look), tuple(values)
     try:
         hash(look)
-    except TypeError:  # of a plugin that is not ours
+    except TypeError:  # an object of a user's plugin
         return id(look)
     return look
 
@@ -82,7 +83,7 @@ def _fields(look: Any) -> Mapping[Any, Any] | None:
 
 
 def _parts(look: Any) -> Iterator[Any]:
-    """Yield a description and all that is in it."""
+    """Yield a description and all nested ones."""
     yield look
     inside = _fields(look)
     for value in inside.values() if inside is not None else ():
@@ -93,9 +94,9 @@ def _parts(look: Any) -> Iterator[Any]:
 
 
 def _one_sided(bsdf: Any) -> bool:
-    """Return whether a BSDF is known to look another way from behind.
+    """Return whether the back of a BSDF is known to look different.
 
-    Of what lets light through, nothing is known here.
+    False for BSDFs that transmit.
     """
     if isinstance(bsdf, TwoSided):
         if bsdf.front is bsdf.back:
@@ -111,16 +112,16 @@ def _one_sided(bsdf: Any) -> bool:
 
 
 # ------------------------------------------------------------------------------ overlap
-# Which triangles of a plane cover one another, and how much [Sutherland1974].
+# Overlap of triangles in one plane [Sutherland1974].
 
 Ints = NDArray[np.int64]
 
 
 def overlapping_boxes(corners: Floats, tolerance: Floats) -> tuple[Ints, Ints, Floats]:
-    """Return the pairs of triangles (n, 3, 2) whose boxes share some area, and that area.
+    """Return pairs of triangles (n, 3, 2) with overlapping boxes, and the shared areas.
 
-    By a sweep along the first axis; boxes that share an edge do not overlap, within the
-    tolerance (n,) of their coordinates.
+    Uses a sweep along the first axis. Boxes that share only an edge do not overlap, within
+    the tolerance (n,) of their coordinates.
     """
     low, high = corners.min(axis=1), corners.max(axis=1)
     order = np.argsort(low[:, 0])
@@ -135,12 +136,12 @@ def overlapping_boxes(corners: Floats, tolerance: Floats) -> tuple[Ints, Ints, F
 
 
 def overlap(a: Floats, b: Floats) -> float:
-    """Return the area that two triangles share, over that of the smaller one.
+    """Return the shared area of two triangles, relative to the area of the smaller one.
 
     Parameters
     ----------
     a, b : ndarray of shape (3, 3)
-        Corners, in one plane; they are looked at along its normal's main axis.
+        Corners, in one plane; they are projected along the main axis of its normal.
     """
     normal = np.cross(a[1] - a[0], a[2] - a[0])
     axes = [k for k in range(3) if k != int(np.argmax(np.abs(normal)))]
@@ -183,26 +184,26 @@ def _area(polygon: list[Point]) -> float:
 
 
 # ------------------------------------------------------------------ coincident surfaces
-# Flat surfaces of different material in one plane, where rounding decides what is seen.
+# Flat surfaces of different material in one plane: rounding decides which one is visible.
 
 
-GAP = 1e-7  # of the coordinates and of the distance from the camera
-ALIKE = 2e-5  # normals are taken together within this
-MOST_FACES = 400_000  # in all; more are not looked at
-MOST_IN_A_PLANE = 2000  # faces; a plane of more is not looked at
-MOST_TRIED = 64  # pairs of faces of two shapes in one plane
-MOST_TRIED_IN_ALL = 5_000  # as many take 0.4 s
-LEAST_SHARE = 1e-3  # of the smaller triangle, that the overlap must have
-LEAST_APART = 1e-3  # of a texture's square
+GAP = 1e-7  # tolerance relative to coordinates and to the distance from the camera
+ALIKE = 2e-5  # normals that differ by less are in one group
+MOST_FACES = 400_000  # scenes with more faces are not tested
+MOST_IN_A_PLANE = 2000  # planes with more faces are not tested
+MOST_TRIED = 64  # pairs of faces per two shapes in one plane
+MOST_TRIED_IN_ALL = 5_000  # these take 0.4 s
+LEAST_SHARE = 1e-3  # minimum overlap, relative to the smaller triangle
+LEAST_APART = 1e-3  # minimum difference of uv
 
 
 def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[str]:
-    """Find rectangles, disks and faces of meshes that lie on one another.
+    """Find rectangles, disks and faces of meshes that coincide.
 
-    Where an opaque closed mesh stands on something, the place where they touch is not
-    seen from its side, so that nothing is said if the camera is on that side and not
-    inside of the mesh. Curved surfaces and instances are not looked at, nor faces of one
-    mesh on one another, and no more than the numbers above.
+    Where an opaque closed mesh stands on a surface, the contact area is not visible from
+    the side of the mesh: no caution if the camera is on that side and outside of the mesh.
+    Curved surfaces, instances, and faces of the same mesh are not tested. The constants
+    above limit the number of tests.
     """
     shows_material = "albedo" in (kind for _, kind in scene.description.integrator.aovs)
     if not plan.kind.sees_lights and not shows_material:
@@ -221,7 +222,7 @@ def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[str]:
 
 
 class _Touching:
-    """Finds the pairs of shapes that share some area of a plane which the eye may see."""
+    """Finds the pairs of shapes with a shared area that may be visible."""
 
     def __init__(self, shapes: tuple[Shape, ...], faces: Faces, camera: Sensor) -> None:
         self.shapes, self.faces = shapes, faces
@@ -241,7 +242,7 @@ class _Touching:
         self.tried = 0
 
     def pairs(self) -> set[tuple[int, int]]:
-        """Return them, of each the lesser index first."""
+        """Return the pairs, smaller index first."""
         found: set[tuple[int, int]] = set()
         for members in self._planes():
             for i, j in self._candidates(members):
@@ -251,9 +252,9 @@ class _Touching:
         return found
 
     def _planes(self) -> Iterator[Ints]:
-        """Yield the faces of each plane in which there are several shapes."""
+        """Yield the faces of each plane that contains several shapes."""
         faces = self.faces
-        # either side is the same plane; no usual angle has this as a cosine
+        # opposite normals are the same plane; 0.3713 is the cosine of no common angle
         leading = np.argmax(np.abs(faces.normal) > 0.3713, axis=1)
         signs = np.sign(np.take_along_axis(faces.normal, leading[:, None], axis=1))
         normals = faces.normal * signs
@@ -267,7 +268,7 @@ class _Touching:
                 yield members
 
     def _candidates(self, members: Ints) -> Iterator[tuple[int, int]]:
-        """Yield the pairs of faces worth a look, of each two shapes the largest first."""
+        """Yield pairs of faces to test, the largest of each two shapes first."""
         axes = np.argsort(np.abs(self.faces.normal[members[0]]))[:2]
         corners = self.faces.corners[members][:, :, axes]
         i, j, area = overlapping_boxes(corners, self.tolerance[members])
@@ -287,7 +288,7 @@ class _Touching:
             yield int(i[k]), int(j[k])
 
     def _is_seen(self, i: int, j: int) -> bool:
-        """Return whether two faces lie on one another, look different and can be seen."""
+        """Return whether two faces coincide, look different and may be visible."""
         self.tried += 1
         if self.tried > MOST_TRIED_IN_ALL or not self._in_one_plane(i, j):
             return False
@@ -300,7 +301,7 @@ class _Touching:
         return bool(differ) or self._places_differ(i, j)
 
     def _in_one_plane(self, i: int, j: int) -> bool:
-        """Return whether all corners of either are in the plane of the other."""
+        """Return whether all corners of each face are in the plane of the other one."""
         corners, normal = self.faces.corners, self.faces.normal
         return all(
             float(np.abs((corners[m] - corners[k, 0]) @ normal[k]).max())
@@ -309,9 +310,9 @@ class _Touching:
         )
 
     def _places_differ(self, i: int, j: int) -> bool:
-        """Return whether a point in the plane has another place in the other's texture.
+        """Return whether points of both faces at the same position have different uv.
 
-        Whole squares apart counts as the same place: most textures repeat.
+        Differences of whole numbers do not count: most textures repeat.
         """
         corners, place = self.faces.corners, self.faces.place
         edges = (corners[i, 1:] - corners[i, 0]).T
@@ -321,9 +322,9 @@ class _Touching:
         return float(np.abs(apart - np.round(apart)).max()) > LEAST_APART
 
     def _is_hidden(self, face: int) -> bool:
-        """Return whether a face's own opaque body is between it and the eye.
+        """Return whether the opaque body of a face is between the face and the camera.
 
-        Where it is not known whether a mesh is closed, it counts as that.
+        A mesh counts as closed if that is unknown.
         """
         owner = int(self.faces.owner[face])
         if owner not in self.bodies:
@@ -338,8 +339,8 @@ class _Touching:
 
 
 class _Body(NamedTuple):
-    outward: float | None  # as `outward` says; 0 for what is not opaque
-    around_eye: bool  # so that its inside is what is seen
+    outward: float | None  # result of `outward`; 0 if it is not opaque
+    around_eye: bool  # the camera is inside: its inner side is visible
 
 
 def _body(shape: Shape, eye: Floats) -> _Body:

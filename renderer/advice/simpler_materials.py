@@ -29,15 +29,15 @@ from renderer.scene_file.description import (
 )
 
 # ----------------------------------------------------------------------------- textures
-# Textures as their mean, or with every colour changed.
+# Textures replaced by their mean, or with other colours.
 
 Colors = NDArray[np.float64]  # (..., 3)
 
 
 def mean_texture(texture: Any) -> Any:
-    """Return a texture's mean over u and v; what has none comes back as it is.
+    """Return a texture's mean over uv, or the object itself if it has none.
 
-    A mesh attribute has no uv: it stays. So do numbers and constants.
+    A mesh attribute has no mean. Numbers and constants are unchanged too.
     """
     mean = _mean(texture)
     return texture if mean is None else ConstantTexture(mean)
@@ -62,7 +62,7 @@ def _mean(texture: Any) -> Rgb | None:
 
 
 def recolored(texture: Texture, change: Callable[[Colors], Colors]) -> Texture:
-    """Return a texture whose colours went through a function; a mesh attribute's do not."""
+    """Return a texture with `change` applied to its colours, except a mesh attribute."""
     if isinstance(texture, ConstantTexture):
         red, green, blue = change(np.array(texture.rgb, np.float64)).tolist()
         return ConstantTexture((red, green, blue))
@@ -88,10 +88,10 @@ def recolored(texture: Texture, change: Callable[[Colors], Colors]) -> Texture:
 
 
 # ---------------------------------------------------------------------------- materials
-# BSDFs with a part left out.
+# BSDFs without some part.
 #
-# A BSDF without that part is returned as the same object, which shows that nothing
-# changes and nothing has to be rebuilt.
+# A BSDF that does not have the part is returned as the same object, which shows that
+# nothing changes and nothing must be rebuilt.
 
 Change = Callable[[Any], Any]
 
@@ -101,8 +101,8 @@ SURFACE = {"normalmap", "height"}
 
 
 def everywhere(change: Change) -> Change:
-    """Return a change of BSDFs that is made inside of nested ones first, once for each."""
-    done: dict[int, tuple[Any, Any]] = {}  # the old one is kept, or its id is used again
+    """Return a change that is applied to nested BSDFs first, and once to each BSDF."""
+    done: dict[int, tuple[Any, Any]] = {}  # keeps the old BSDF, or its id() would be reused
 
     def changed(bsdf: Any) -> Any:
         if id(bsdf) not in done:
@@ -114,7 +114,7 @@ def everywhere(change: Change) -> Change:
 
 
 def _replaced(bsdf: Any, parts: dict[str, Any], change: Change) -> Any:
-    """Return a BSDF with its parts changed, itself if none of them did."""
+    """Return a BSDF with its nested ones changed; the same object if none changed."""
     new = {name: change(part) for name, part in parts.items()}
     if all(new[name] is part for name, part in parts.items()):
         return bsdf
@@ -124,7 +124,7 @@ def _replaced(bsdf: Any, parts: dict[str, Any], change: Change) -> Any:
 
 
 def without_texture(bsdf: Any) -> Any:
-    """Put the mean in the place of every texture that is a colour or a number."""
+    """Replace every texture of a colour or a number by its mean."""
     if isinstance(bsdf, OtherBsdf):
         return _replaced(bsdf, dict(bsdf.values), mean_texture)
     nested = nested_names(bsdf)
@@ -134,23 +134,24 @@ def without_texture(bsdf: Any) -> Any:
 
 
 def without_relief(bsdf: Any) -> Any:
-    """Take away a normal map or a bump map."""
+    """Remove a normal map or a bump map."""
     return bsdf.nested if isinstance(bsdf, NormalMap | BumpMap) else bsdf
 
 
 def glass_as_nothing(bsdf: Any) -> Any:
-    """Let light go straight through glass, all of it."""
+    """Replace glass by a null BSDF."""
     glass = isinstance(bsdf, Dielectric | ThinDielectric)
     return Null() if glass or bsdf.plugin == "roughdielectric" else bsdf
 
 
 def without_specular(bsdf: Any) -> Any:
-    """Leave a coated or principled BSDF its diffuse base.
+    """Replace a coated or principled BSDF by its diffuse base.
 
-    Under a coat the base keeps its albedo: what enters and leaves is averaged over the
-    directions. Of a smooth coat that is eta^2 (1 - G), by reciprocity [Walter2007, section
-    4], G its mean reflectance from inside. A rough one has a table; light that facets throw
-    from one to the other is lost in it, and reciprocity would give up to a sixth too much.
+    The base keeps the albedo that it has under the coat, with the transmittance averaged
+    over directions. For a smooth coat that is eta^2 (1 - G) by reciprocity [Walter2007,
+    section 4], where G is its mean internal reflectance. For a rough coat a table is used:
+    it lacks light that facets reflect to each other, and reciprocity would give up to a
+    sixth more.
     """
     if bsdf.plugin == "principled":
         return Diffuse(bsdf.base_color)
@@ -171,10 +172,10 @@ def without_specular(bsdf: Any) -> Any:
 
 
 def without_diffuse(bsdf: Any) -> Any:
-    """Blacken the base under a coat; all samples then go to the coat.
+    """Make the base under a coat black; all samples then go to the coat.
 
-    Of principled ones the base colour shows in metal, tint and transmission too: where
-    there are any it stays.
+    The base colour of a principled BSDF also affects metallic reflection, tint and
+    transmission: with any of these it is unchanged.
     """
     black: dict[str, Any]
     if bsdf.plugin in ("plastic", "roughplastic"):
@@ -183,7 +184,7 @@ def without_diffuse(bsdf: Any) -> Any:
     elif (
         bsdf.plugin == "principled"
         and _is_zero(bsdf.metallic, bsdf.spec_tint)
-        and bsdf.main_specular_sampling_rate > 0.0  # or nothing would be sampled at all
+        and bsdf.main_specular_sampling_rate > 0.0  # otherwise no lobe would be sampled
     ):
         base = bsdf.base_color
         black = {
@@ -203,7 +204,7 @@ def _is_zero(*parameters: Any) -> bool:
 
 
 def metal_as_diffuse(bsdf: Any) -> Any:
-    """Scatter what a metal reflects at normal incidence in all directions."""
+    """Replace a metal by a diffuse BSDF with its reflectance at normal incidence."""
     if not (isinstance(bsdf, Conductor) or bsdf.plugin == "roughconductor"):
         return bsdf
     eta, k = (_color(getattr(bsdf, name)) for name in ("eta", "k"))

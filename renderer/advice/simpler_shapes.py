@@ -14,16 +14,16 @@ from renderer.plugins.lights.registry import plugin_of
 from renderer.scene_file.description import Group, Instance, Mesh, SceneDescription, Shape
 
 # ------------------------------------------------------------------------------- lights
-# The lights of a scene by name, and the scene without one of them.
+# The lights of a scene by name, and scenes without one of them.
 
 Light = tuple[str, int]  # the field of the description, and the index in it
 
 
 def lights_by_name(description: SceneDescription) -> dict[str, Light]:
-    """Return every light, in the order of the file.
+    """Return all lights by name, in the order of the file.
 
-    A shape that shines has its id, or its class and line; any other light its plugin and
-    how many of the kind there were so far: `point-1`.
+    The name of an area light is its shape's id, or its class and line. Other lights are
+    named by plugin and number: `point-1`.
     """
     lights: dict[str, Light] = {}
     shapes = shape_names(description)
@@ -47,13 +47,13 @@ def _counted(description: SceneDescription) -> tuple[str, ...]:
 
 
 def shape_names(description: SceneDescription) -> list[str]:
-    """Return the names of every shape: its id, or its class and line.
+    """Return the name of every shape: its id, or its class and line.
 
-    Shapes that emit no light have names too, so that leaving out a light renames no other
+    Shapes that are not lights have names too, so that removing a light renames no other
     shape.
     """
     names: dict[str, None] = {}
-    met: Counter[str] = Counter()  # a thousand shapes may stand on one line
+    met: Counter[str] = Counter()  # many shapes may be on one line
     for index, shape in enumerate(description.every_shape):
         place = shape.location.line or index + 1  # a dictionary has no lines
         name = shape.id or f"{type(shape).__name__.lower()}:{place}"
@@ -63,14 +63,14 @@ def shape_names(description: SceneDescription) -> list[str]:
 
 
 def _unused(name: str, taken: Collection[str]) -> str:
-    """Return the name, longer if it is taken: two shapes may stand on one line."""
+    """Return the name, extended if it is taken: two shapes may be on one line."""
     while name in taken:
         name += "'"
     return name
 
 
 def without_light(description: SceneDescription, light: Light) -> SceneDescription:
-    """Return the scene without a light; a shape that shone stays, dark."""
+    """Return the scene without a light; the shape of an area light stays."""
     field, gone = light
     if field == "shapes":
         shapes = list(description.shapes)
@@ -88,19 +88,19 @@ def without_light(description: SceneDescription, light: Light) -> SceneDescripti
 
 
 # ---------------------------------------------------------------------------- instances
-# Instances copied into plain shapes: more memory, and no tree above the trees of groups.
+# Instances copied to plain shapes: more memory, but no BVH over instances.
 #
-# Meshes can go anywhere, all copies of one as one mesh. Other shapes keep their formulas
-# only where they are turned, moved and scaled the same in all directions: in copies that
-# are flattened, slanted or mirrored they stay instances.
+# Meshes allow any transform; all copies of one become one mesh. Other shapes keep their
+# formulas only under rotation, translation and uniform scale. Copies with another scale, a
+# shear or a reflection stay instances.
 
-MOST_FACES = 20_000_000  # of all copies: some 5 GB with their tree
-ROUNDING = 1e-6  # of what counts as the same scale in all directions
+MOST_FACES = 20_000_000  # of all copies: about 5 GB with their BVH
+ROUNDING = 1e-6  # relative difference of scales that counts as uniform
 Matrix = NDArray[np.float64]
 
 
 def with_copies(description: SceneDescription) -> SceneDescription:
-    """Return the scene with its instances written out.
+    """Return the scene with its instances replaced by copies.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def with_copies(description: SceneDescription) -> SceneDescription:
         if kept and kept[-1].group == len(groups):
             groups.append(dataclasses.replace(group, shapes=others))
     kept.sort(key=lambda instance: instance.place)
-    instances = (  # in the order of the file, now behind all shapes
+    instances = (  # in the order of the file, behind all shapes
         dataclasses.replace(instance, place=place)
         for place, instance in enumerate(kept, start=len(shapes))
     )
@@ -145,13 +145,13 @@ def with_copies(description: SceneDescription) -> SceneDescription:
 
 
 def _copies(mesh: Mesh, places: Sequence[Matrix]) -> list[Mesh]:
-    """Return all copies of a mesh: one mesh, and one for those that are mirrored."""
+    """Return all copies of a mesh: one mesh, and one for reflected copies."""
     mirrored = [bool(np.linalg.det(place[:3, :3]) < 0.0) for place in places]
     copies = []
     for side in (False, True):
         chosen = [p for p, turned in zip(places, mirrored, strict=True) if turned == side]
         if chosen:
-            # e1 x e2 turns around in a mirror, an instance's normal does not, as in Mitsuba
+            # a reflection reverses e1 x e2 but not an instance's normal, as in Mitsuba
             flipped = mesh.flip_normals != side
             copies.append(dataclasses.replace(_merged(mesh, chosen), flip_normals=flipped))
     return copies
@@ -164,8 +164,8 @@ def _merged(mesh: Mesh, places: Sequence[Matrix]) -> Mesh:
     ids = np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
     normals = mesh.normals
     if normals is not None:
-        # Of each copy their lengths relative to each other stay: an instance interpolates
-        # between the group's unit normals, and goes to the world after that.
+        # The lengths of a copy's normals keep their ratios: an instance interpolates the
+        # group's unit normals first, and transforms them to world space afterwards.
         turned = [normals @ np.linalg.inv(place[:3, :3]) for place in places]
         longest = [np.linalg.norm(copy, axis=1).max() for copy in turned]
         normals = _float32(
@@ -185,7 +185,7 @@ def _merged(mesh: Mesh, places: Sequence[Matrix]) -> Mesh:
 
 
 def _keeps_forms(place: Matrix) -> bool:
-    """Return whether a transform turns, moves and scales alone."""
+    """Return whether a transform is a rotation, translation and uniform scale."""
     linear = place[:3, :3]
     square = linear @ linear.T
     scale = np.trace(square) / 3.0

@@ -1,4 +1,4 @@
-"""Simplifications of a scene: steps, each from a description to a simpler one."""
+"""Simplifications of a scene: functions from a description to a simpler one."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from renderer.scene_file.description import (
 )
 
 # -------------------------------------------------------------------------------- paths
-# Fewer paths: less depth, no roulette, one way to find light, no caustics.
+# Fewer paths: less depth, no roulette, one sampling strategy, no caustics.
 
 Step = Callable[[SceneDescription], SceneDescription]
 
 
 def on_integrator(change: Callable[[Integrator], Integrator]) -> Step:
-    """Return the step that changes the integrator which makes the colours."""
+    """Return a step that changes the integrator of the colours."""
 
     def within(integrator: Integrator) -> Integrator:
         if integrator.nested is None:
@@ -49,12 +49,12 @@ def on_integrator(change: Callable[[Integrator], Integrator]) -> Step:
 
 
 def without_roulette(integrator: Integrator) -> Integrator:
-    """Let paths go on to max_depth.
+    """Continue paths to max_depth, without Russian roulette.
 
     Raises
     ------
     SceneError
-        If paths have no max_depth: they might never end.
+        If there is no max_depth: paths might never end.
     """
     if integrator.name != "path":
         return integrator
@@ -69,7 +69,7 @@ def without_roulette(integrator: Integrator) -> Integrator:
 
 
 def to_depth(depth: int) -> Step:
-    """Return the step that leaves out what comes after so many segments."""
+    """Return a step that limits the number of path segments."""
 
     def limited(integrator: Integrator) -> Integrator:
         deep = integrator.max_depth < 0 or integrator.max_depth > depth
@@ -81,7 +81,7 @@ def to_depth(depth: int) -> Step:
 
 
 def by_lights(description: SceneDescription) -> SceneDescription:
-    """Leave out BSDF samples where light samples find the same light."""
+    """Remove BSDF samples where light samples find the same light."""
     smooth, _ = _lobes(description)
 
     def alone(integrator: Integrator) -> Integrator:
@@ -99,7 +99,7 @@ def by_lights(description: SceneDescription) -> SceneDescription:
 
 
 def by_bsdfs(description: SceneDescription) -> SceneDescription:
-    """Leave out light samples, and with them the light of points and directions."""
+    """Remove light samples, and so the light of point and directional lights."""
     smooth, _ = _lobes(description)
     shining = has_extended_lights(description) or description.emitters
 
@@ -113,7 +113,7 @@ def by_bsdfs(description: SceneDescription) -> SceneDescription:
 
 
 def without_caustics(description: SceneDescription) -> SceneDescription:
-    """Leave out light that mirrors or glass throw on rough surfaces."""
+    """Remove caustics: light on rough surfaces by way of delta lobes."""
     smooth, delta = _lobes(description)
 
     def dull(integrator: Integrator) -> Integrator:
@@ -127,7 +127,7 @@ def without_caustics(description: SceneDescription) -> SceneDescription:
 
 
 def _lobes(description: SceneDescription) -> tuple[bool, bool]:
-    """Return whether any BSDF has smooth lobes, and whether any has mirrors or glass."""
+    """Return whether any BSDF has smooth lobes, and whether any has delta lobes."""
     shown = {id(shape.bsdf): shape.bsdf for shape in description.every_shape}
     both = [side for bsdf in shown.values() for side in sides(bsdf) if side is not None]
     kinds = [kind_of(side) for side in both]
@@ -135,10 +135,10 @@ def _lobes(description: SceneDescription) -> tuple[bool, bool]:
 
 
 # -------------------------------------------------------------------------------- steps
-# The table of simplifications: each a name, a value, a sentence and a step.
+# The table of simplifications, each with a name, a value, a sentence and a step.
 #
-# A step maps a description to another one. Parts without anything to leave out are
-# returned unchanged.
+# A step maps a description to another one, and returns parts unchanged that it does not
+# apply to.
 
 BOX = ReconstructionFilter("box", radius=0.5)
 
@@ -158,7 +158,7 @@ class OfEach(NamedTuple):
 
 
 def _on_shapes(change: Callable[[Any], Any]) -> Step:
-    """Return the step that changes all shapes, those of groups too."""
+    """Return a step that changes all shapes, including those of groups."""
 
     def step(description: SceneDescription) -> SceneDescription:
         def of(shapes: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -176,7 +176,7 @@ def _on_shapes(change: Callable[[Any], Any]) -> Step:
 
 
 def _on_bsdfs(change: materials.Change, only: Any = None) -> Step:
-    """Return the step that changes BSDFs: those of all shapes, or `only` one of them."""
+    """Return a step that changes the BSDFs of all shapes, or `only` one of them."""
 
     def step(description: SceneDescription) -> SceneDescription:
         changed = materials.everywhere(change)
@@ -193,7 +193,7 @@ def _on_bsdfs(change: materials.Change, only: Any = None) -> Step:
 
 
 def _each_bsdf(change: materials.Change, description: SceneDescription) -> dict[str, Step]:
-    """Return the steps that change one BSDF each, by the first shape that shows it."""
+    """Return steps that change one BSDF each, named by its first shape."""
     changed = materials.everywhere(change)
     steps: dict[str, Step] = {}
     met: set[int] = set()
@@ -310,10 +310,10 @@ OF_EACH = {
 
 
 # ----------------------------------------------------------------------------- simplify
-# `simplified`: a scene with less in it, each step with a name and a sentence.
+# `simplified`: applies a simplification by name.
 #
-# `--simplify NAME=VALUE` names the same steps; `python -m reports needs` measures what
-# each of them loses and saves.
+# `--simplify NAME=VALUE` uses the same names. `python -m reports needs` measures the error
+# and the speed of each.
 
 MOST_DEPTH = 2**31 - 1
 

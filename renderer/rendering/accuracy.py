@@ -1,29 +1,30 @@
-"""How far a picture is from its limit, told from the picture's own samples.
+"""Estimates the error of a picture against its limit, from the picture's own samples.
 
-The error of a picture a against the limit r that it would reach with samples without end:
+The error of a picture a against the limit r for infinitely many samples is
 
     error = sqrt(mean((a - r)^2 / (r^2 + 0.01 m^2)))
 
-over all pixels and channels but the thousandth part with the largest quotients, where m is
-the mean of r: 0.02 means "2 %", and pixels darker than a tenth of the mean count as if they
-were that bright.
+over all pixels and channels except the thousandth with the largest quotients, where m is
+the mean of r. An error of 0.02 is "2 %". Pixels darker than a tenth of the mean are
+weighted as if they had that brightness.
 
-To estimate it, the samples are divided into two halves with the means a1 and a2. Where
-these are independent, (a1 - a2) / 2 has the variance of a = (a1 + a2) / 2 at every pixel,
-whatever the reconstruction filter, if both halves have samples there; and where both are
-normal it hardly says anything about a, so that stopping when it is small hardly pulls the
-picture anywhere. It takes the place of a - r. A thousandth is left out of both, so heavy
-tails weigh alike.
+The samples are divided into two halves with the means a1 and a2. If these are independent,
+(a1 - a2) / 2 has the variance of a = (a1 + a2) / 2 at every pixel where both halves have
+samples, for any reconstruction filter. So it replaces a - r. If both halves are normally
+distributed, it is nearly independent of a, so stopping when it is small adds nearly no
+bias. A thousandth of the values is left out of both, so heavy tails have the same effect on
+both.
 
-In the place of r stands a, but where one half is more than 1.5 times the other: a rare
-bright sample makes that pixel of a too bright, and its error, divided by that, looks small.
-There it is the mean of the 3 x 3 pixels around, if that is darker. With a alone the claims
-for `scenes/evening-sky` were low by 21 %, with this by 2 %.
+r is replaced by a, except where one half is more than 1.5 times the other. There a rare
+bright sample makes a too bright, and its error, divided by that, seems small. For such
+pixels r is the mean of a over 3 x 3 pixels, if that is darker. With a alone the estimates
+for `scenes/evening-sky` were too low by 21 %, with this by 2 %.
 
-What that cannot know: light that no sample has met, or so few that they are all among the
-thousandth, such as a lamp that one path in a million finds. And a very noisy picture is a
-poor r: at an error of 57 % claims were low by a third. Up to 33 % they are good to a tenth.
-Where either shows, the estimate says that it is unsure.
+The estimate cannot include light that no sample has found, or so few samples that they are
+all in the thousandth, such as a light that one path in a million hits. And a is a poor
+substitute for r in a very noisy picture: at an error of 57 % estimates were too low by a
+third. Up to 33 % they are accurate to a tenth. In either case, if it is detected, the
+estimate is marked as unsure.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-LEFT_OUT = 1e-3  # of all values, the largest
-FLOOR = 0.01  # times the squared mean is added to squares in the denominator
-BLOCK = 8  # pixels on a side of the parts whose scatter shows how sure the estimate is
-UNSURE = 0.1  # an estimate whose own relative standard error is more is called unsure
-TOO_NOISY = 0.3  # and so is a larger error
-APART = 0.2  # (a - b) / (a + b) where a is one and a half times b
+LEFT_OUT = 1e-3  # fraction of the values that are left out, the largest
+FLOOR = 0.01  # times the squared mean is added to the squares in the denominator
+BLOCK = 8  # [pixels] side of the blocks whose variance gives the estimate's uncertainty
+UNSURE = 0.1  # estimates with a larger relative standard error are unsure
+TOO_NOISY = 0.3  # larger errors are unsure
+APART = 0.2  # (a - b) / (a + b) for a = 1.5 b
 Floats = NDArray[np.float64]
 
 
 def relative_squares(difference: Any, reference: Any) -> Floats:
-    """Return d^2 / (r^2 + 0.01 m^2) for every pixel and channel; 0 where one is no number.
+    """Return d^2 / (r^2 + 0.01 m^2) for each pixel and channel; 0 instead of NaN.
 
-    Where the denominator is 0, all of `reference` is.
+    The denominator is 0 only if all of `reference` is 0.
     """
     d, r = np.asarray(difference, np.float64), np.asarray(reference, np.float64)
     known = np.isfinite(d) & np.isfinite(r)
@@ -55,12 +56,12 @@ def relative_squares(difference: Any, reference: Any) -> Floats:
 
 
 def relative_error(difference: Any, reference: Any) -> float:
-    """Return the error of the module's formula, for pictures (height, width, channels)."""
+    """Return the error (see the module) of pictures (height, width, channels)."""
     return float(np.sqrt(_kept(relative_squares(difference, reference)).mean()))
 
 
 def _kept(squares: Floats) -> Floats:
-    """Return all but the largest, the last of them being the largest of these."""
+    """Return all but the largest values; the last one is the largest of those returned."""
     kept = max(1, squares.size - int(LEFT_OUT * squares.size))
     return np.partition(squares, kept - 1, axis=None)[:kept]
 
@@ -68,26 +69,26 @@ def _kept(squares: Floats) -> Floats:
 class Accuracy(NamedTuple):
     """An estimated error."""
 
-    samples: int  # per pixel that it is the error of
+    samples: int  # per pixel of the picture
     error: float  # relative: 0.02 is 2 %
-    uncertainty: float  # relative standard error of `error` itself; infinite: no idea
-    of_pixels: NDArray[np.float32]  # (height, width, channels), one guess of a - r each
+    uncertainty: float  # relative standard error of `error`; infinite if unknown
+    of_pixels: NDArray[np.float32]  # (height, width, channels), estimates of a - r
 
     @property
     def steady(self) -> bool:
-        """Whether many pixels make up the estimate; if not: heavy tails, a tiny picture."""
+        """Whether many pixels contribute to the estimate; false for heavy tails."""
         return self.uncertainty <= UNSURE
 
     @property
     def unsure(self) -> bool:
-        """Whether the true error may well be another one."""
+        """Whether the true error may differ much from the estimate."""
         return not (self.steady and self.error <= TOO_NOISY)
 
 
 def estimate(first: Any, second: Any, samples: int) -> Accuracy:
-    """Estimate the error of the mean of two pictures of as many samples each."""
+    """Estimate the error of the mean of two pictures with equally many samples."""
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    with np.errstate(invalid="ignore"):  # infinite in both
+    with np.errstate(invalid="ignore"):  # infinity minus infinity
         guess, limit = (first - second) / 2, _limit(first, second)
         error = relative_error(guess, limit)
         uncertainty = _uncertainty(guess, limit)
@@ -95,7 +96,7 @@ def estimate(first: Any, second: Any, samples: int) -> Accuracy:
 
 
 def _limit(first: Floats, second: Floats) -> Floats:
-    """Return what stands for the limit of the mean of two pictures."""
+    """Return the substitute for the limit r, from two halves."""
     mean = (first + second) / 2
     rows, columns = mean.shape[:2]
     padded = np.pad(mean, ((1, 1), (1, 1), (0, 0)), mode="edge")
@@ -105,7 +106,7 @@ def _limit(first: Floats, second: Floats) -> Floats:
 
 
 def _uncertainty(guess: Floats, limit: Floats) -> float:
-    """Return the relative standard error of the root, from the scatter between blocks.
+    """Return the relative standard error of the estimate, from the variance of blocks.
 
     The root of a mean has half of the mean's relative error.
     """
@@ -114,10 +115,10 @@ def _uncertainty(guess: Floats, limit: Floats) -> float:
     if not np.isfinite(guess).all() or not limit.any():
         return float("inf")
     if not squares.any():
-        return 0.0  # of a picture without noise
+        return 0.0  # no noise
     beyond = squares > clipped
     if np.sum(guess[beyond] ** 2) > 0.5 * np.sum(guess**2):
-        return float("inf")  # what was left out is most of it
+        return float("inf")  # what was left out is most of the error
     rows, columns = (max(1, n // BLOCK) for n in clipped.shape[:2])
     means = np.array(
         [
@@ -128,5 +129,5 @@ def _uncertainty(guess: Floats, limit: Floats) -> float:
     )
     if means.size < 2:
         return float("inf")
-    # blocks differ in brightness too, not only by chance: mostly this is too large
+    # blocks also differ in brightness, so this is usually too large
     return float(means.std(ddof=1) / np.sqrt(means.size) / means.mean() / 2)

@@ -1,4 +1,4 @@
-"""The picture of the integrator inside of `aov`, in addition to the AOVs."""
+"""The picture of the integrator nested in `aov`, in addition to the AOVs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from renderer.scene_file.description import Integrator
 def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
     """Return the scene whose picture the `aov` integrator shows; None if it shows none.
 
-    It is the same scene under the nested integrator, rendered with the same seed, as in
-    Mitsuba: its camera rays are those of the AOVs.
+    It is the same scene with the nested integrator and the same seed. So its camera rays
+    are those of the AOVs, as in Mitsuba.
     """
     nested = scene.description.integrator.nested
     if plan.method != "aov" or nested is None:
@@ -31,9 +31,9 @@ def _under(scene: Scene, integrator: Integrator) -> Scene:
 
 
 def plans_of(scene: Scene, options: RenderOptions) -> list[tuple[Scene, Plan]]:
-    """Return what is rendered: the scene, and that of the colours with AOVs.
+    """Return the scenes to render: the scene itself, and for AOVs one for the colours.
 
-    The colours have an integrator of their own.
+    The colours have their own integrator.
 
     Raises
     ------

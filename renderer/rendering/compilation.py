@@ -1,4 +1,4 @@
-"""Notice when Numba compiles, that is, when the cache on disk lacks a kernel."""
+"""Detects compilation by Numba, which happens if the disk cache lacks a kernel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class CompilationWatch(event.Listener):  # type: ignore[misc]  # Numba has no ty
     Parameters
     ----------
     announce : callable
-        Not called when every kernel comes from the cache.
+        Not called if every kernel comes from the cache.
     """
 
     def __init__(self, announce: Callable[[], None]) -> None:
@@ -23,16 +23,16 @@ class CompilationWatch(event.Listener):  # type: ignore[misc]  # Numba has no ty
         self.compiled = False
 
     def on_start(self, event: Any) -> None:
-        """Note that a compilation begins."""
+        """Record that a compilation begins."""
         if not self.compiled:
             self.compiled = True
             self._announce()
 
     def on_end(self, event: Any) -> None:
-        """Do nothing: the kernels inside a kernel end before it does."""
+        """Do nothing: nested kernels end before the outer one."""
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """Watch all compilation of the process while the context lasts."""
+        """Watch all compilations of the process within the context."""
         with event.install_listener("numba:compile", self):
             yield

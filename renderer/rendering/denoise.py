@@ -1,7 +1,7 @@
-"""A picture without noise, guessed by Open Image Denoise from albedo and normals.
+"""Denoises a picture with Open Image Denoise, guided by albedo and normals.
 
-It is a guess: the picture says in its metadata that it was denoised, keeps the colours
-before it as the AOV `noisy`, and the estimated error stays that of those.
+The metadata of the picture say that it was denoised. The noisy colours are kept as the AOV
+`noisy`, and the estimated error is that of the noisy colours.
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.description import Integrator
 
 MISSING = "denoising needs Open Image Denoise: pip install 'lightproof[denoise]'"
-NOISY = "noisy"  # the AOV of the colours before it
+NOISY = "noisy"  # name of the AOV with the colours before denoising
 NOTE = "denoised"  # in the metadata
-# Of the guides, whose noise (edges, a lens) the network takes into account. Of three scenes
-# at 16 samples the error after it was 7 % lower with 16 than with 4, and 0.3 % with 64.
+# Samples per pixel of the guides; the network tolerates their noise (edges, depth of
+# field). For three scenes with 16 samples the error was 7 % lower with 16 than with 4, and
+# 0.3 % with 64.
 SPP = 16
 _GUIDES = Integrator("aov", aovs=(("albedo", "albedo"), ("normals", "sh_normal")))
 
 
 def check_denoising(plan: Plan, has_colors: bool) -> None:
-    """Refuse before the first sample what cannot be denoised after the last.
+    """Refuse before the render what cannot be denoised after it.
 
     Raises
     ------
     SceneError
-        If the denoiser is not installed, or the picture is not one of colours.
+        If the denoiser is not installed, or the picture has no colours.
     """
     _library()
     colors = plan.kind.channels == 3 and not plan.kind.counts_work
@@ -45,15 +46,15 @@ def check_denoising(plan: Plan, has_colors: bool) -> None:
 
 
 def guides_of(scene: Scene) -> Scene:
-    """Return the scene whose picture is albedo and normals of the first hit."""
+    """Return the scene whose picture is the albedo and normals of the first hit."""
     description = dataclasses.replace(scene.description, integrator=_GUIDES)
     return dataclasses.replace(scene, description=description)
 
 
 def denoised(image: Image, guides: Image) -> Image:
-    """Return a picture with other colours; `guides` is of `guides_of` its scene.
+    """Return the denoised picture; `guides` is the picture of `guides_of` its scene.
 
-    Pixels that are not finite stay as they are, so that they are seen.
+    Pixels that are not finite stay unchanged, so that they remain visible.
     """
     finite = np.isfinite(image.pixels).all(axis=2, keepdims=True)
     pixels = _library().denoise(

@@ -1,9 +1,9 @@
-"""When a render has enough samples: at an error, at a time, or at a number of them.
+"""Stopping rules of a render: an error, a time, or a number of samples.
 
-It stops between whole passes over the picture only, so what comes out is the picture that
-this number of samples gives, bit for bit. What a stopping rule could bias it by: looks are
-few (each adds at least a tenth, but where the time is up) and what is looked at, the
-difference of two halves, hardly depends on their mean (`accuracy`).
+A render stops only between whole passes over the picture, so the result is bit by bit the
+picture for this number of samples. The rules add little bias: there are few checks of the
+error (each after at least a tenth more samples, unless the time is up), and the difference
+of two halves, which is checked, is nearly independent of their mean (`accuracy`).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from renderer.rendering.planning.plan import Plan
 from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 
-MOST_BY_DEFAULT = 1 << 20  # samples per pixel where `spp` is not given
+MOST_BY_DEFAULT = 1 << 20  # samples per pixel if `spp` is not given
 OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n
-ENOUGH = 256  # samples, after which an error is believed that few pixels decide
-FIRST_LOOK = 16  # samples
-MOST_AT_ONCE = 3.0  # times those that are done, before the next look
+ENOUGH = 256  # samples from which an error that few pixels dominate is accepted
+FIRST_LOOK = 16  # samples before the first check
+MOST_AT_ONCE = 3.0  # largest number of new samples before a check, relative to the old
 LEAST_AT_ONCE = 0.1
-SHORT_OF = 0.9  # of what seems to be missing: better a look more than samples too many
+SHORT_OF = 0.9  # times the samples that seem to be missing, to avoid too many
 
 
 class Goal(NamedTuple):
-    """What ends a render before its number of samples is reached; None: not this."""
+    """Conditions that end a render before its number of samples; None: no condition."""
 
     target_error: float | None = None  # relative, see `accuracy`
     time_limit: float | None = None  # [s] of rendering
@@ -38,10 +38,10 @@ class Goal(NamedTuple):
     def next_samples(
         self, done: int, error: float, seconds: float, most: int, *, steady: bool = True
     ) -> int:
-        """Return how many samples to add now, an even number; 0 is the end.
+        """Return the number of samples to add now, an even number; 0 ends the render.
 
-        `done` samples took `seconds` and left `error`, of which few pixels decide if it is
-        not `steady`; there may be `most` samples in all.
+        `done` samples took `seconds` and left `error`; `steady` is false if few pixels
+        dominate it. `most` is the largest total number of samples.
         """
         if done == 0:
             return min(FIRST_LOOK if self.time_limit is None else 2, most // 2 * 2)
@@ -57,7 +57,7 @@ class Goal(NamedTuple):
         return max(0, int(min(wanted, most - done)) // 2 * 2)
 
     def expected_samples(self, done: int, error: float, seconds: float, most: int) -> int:
-        """Return how many samples there will probably be in all."""
+        """Return the expected total number of samples."""
         expected = float(most)
         if done and self.target_error is not None:
             expected = min(expected, done * max(1.0, (error / self.target_error) ** 2))
@@ -67,12 +67,12 @@ class Goal(NamedTuple):
 
 
 def options_of_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
-    """Return options with the sampler and the most samples of a goal, if they have one.
+    """Return options with the sampler and the maximum samples for a goal, if there is one.
 
     Raises
     ------
     SceneError
-        If there can be no two halves.
+        If the samples cannot be divided into two halves.
     """
     if not options.has_goal:
         return options
@@ -87,7 +87,7 @@ def options_of_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
 
 
 def goal_of(options: RenderOptions, plan: Plan) -> Goal | None:
-    """Return the goal of a render; refuse what has no error, or a fixed pattern of points.
+    """Return the goal of a render; refuse renders whose error cannot be estimated.
 
     Raises
     ------
@@ -114,20 +114,20 @@ def goal_of(options: RenderOptions, plan: Plan) -> Goal | None:
 
 
 class Halves:
-    """The film's sums so far in two halves of equally many samples, and the next look.
+    """The film's sums in two halves of equally many samples, and the next check.
 
     Attributes
     ----------
     state : dict of str to array
-        All that there is to know in addition to the film's sums, to be kept with these.
+        All state in addition to the film's sums; checkpoints store it.
     """
 
     def __init__(self, film: Film) -> None:
         self._film = film
         self._first = np.zeros_like(film.sums)
         self._before = film.sums.copy()
-        # samples of each pixel at the last look and at the next, and whether its second
-        # half has begun
+        # samples of each pixel at the last check and at the next one, and whether its
+        # second half has begun
         self._looks = np.zeros(3, np.int64)
         self.state = {
             "first half": self._first,
@@ -137,36 +137,36 @@ class Halves:
 
     @property
     def done(self) -> int:
-        """Samples of each pixel at the last look."""
+        """Samples of each pixel at the last check."""
         return int(self._looks[0])
 
     @property
     def end(self) -> int:
-        """Samples of each pixel at the next look; those at the last until there is one."""
+        """Samples of each pixel at the next check; equal to `done` if none is planned."""
         return int(self._looks[1])
 
     @property
     def middle(self) -> int:
-        """Samples of each pixel at which the next look's second half begins."""
+        """Samples of each pixel at which the second half of the next check begins."""
         return (self.done + self.end) // 2
 
     @property
     def in_second(self) -> bool:
-        """Whether it has begun."""
+        """Whether the second half has begun."""
         return bool(self._looks[2])
 
     def begin(self, more: int) -> None:
-        """Set the next look."""
+        """Set the next check."""
         self._looks[1] = self.done + more
 
     def end_first(self) -> None:
-        """Count what was added since the last look to the first half."""
+        """Add the samples since the last check to the first half."""
         np.subtract(self._film.sums, self._before, out=self._before)
         self._first += self._before
         self._looks[2] = 1
 
     def end_second(self, threads: int) -> Accuracy:
-        """Count what was added since then to the second; return what both say."""
+        """Add the samples since then to the second half; return the estimated error."""
         self._before[:] = self._film.sums
         self._looks[:] = self.end, self.end, 0
         accuracy = self.last_look(threads)
@@ -174,7 +174,7 @@ class Halves:
         return accuracy
 
     def last_look(self, threads: int) -> Accuracy | None:
-        """Return what the last look said; None if it is not known any more, or yet."""
+        """Return the error of the last check; None without a stored one."""
         if self.in_second or self.done == 0:
             return None
         first = self._film.develop(threads, self._first)

@@ -1,4 +1,4 @@
-"""What adds samples to the sums of a film: a scene, a plan, and the kernels' tables."""
+"""`RenderJob`: adds samples to the sums of a film, for a scene and a plan."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ from renderer.rendering.tables.render_mode import mode_for
 from renderer.rendering.user_kernels.check import blame_users
 from renderer.scene.scene import Scene
 
-# Of a small film, for many threads; never of the threads, on which no bit may depend.
+# Minimum for small films, for many threads; not the number of threads: bits may not change.
 SUMS_IN_ALL = 32
 
 
 class RenderJob:
-    """What adds samples to sums: a scene, a plan, and the kernels' tables made of both.
+    """A scene, a plan, and the kernels' tables made of both; adds samples to sums.
 
-    It holds no result, and may add to several films, in several threads at a time.
+    It stores no results, and may add to several films, in several threads simultaneously.
 
     Parameters
     ----------
     scene : Scene
         What is rendered.
     plan : Plan
-        How.
+        How it is rendered.
     options : RenderOptions
         The seed, the accelerator and the number of threads.
 
     Attributes
     ----------
     kernel_scene : KernelScene
-        The kernels' record of all this.
+        The kernels' record of the scene and the plan.
     shape : FilmShape
-        What its films are made of.
+        Arguments of its films.
     level : int
         4 ** level samples of a pixel are traced together (`Tile`).
     """
@@ -64,12 +64,12 @@ class RenderJob:
         self.scene, self.plan, self.options = scene, plan, options
         self.threads = options.thread_count
         self.variant = mode_for(plan, options.measured_camera)
-        # keeps alive what the addresses in the record point to
+        # keeps the arrays alive that the addresses in the record point to
         self._inputs = KernelInputs(
             scene, plan, options.accelerator, options.seed, self.variant
         )
         self._packed_filter = pack(filter_of(scene, plan))
-        self._compiled: Callable[..., None] | None = None  # what calls the method
+        self._compiled: Callable[..., None] | None = None  # function that calls the method
         self._workspaces: list[Packed | None] = [None] * self.threads
         self._use(self._inputs.record)
         lights = max(1, self.kernel_scene.lights.sampled.size) if plan.every_light else 1
@@ -86,7 +86,7 @@ class RenderJob:
         self._method: Method | None = None  # holds this record's address
 
     def with_record(self, record: KernelScene) -> RenderJob:
-        """Return the same job with another record of the scene, such as other settings."""
+        """Return a copy with another record of the scene, such as other settings."""
         other = copy.copy(self)
         other._use(record)
         return other
@@ -97,7 +97,7 @@ class RenderJob:
         Parameters
         ----------
         keep_sums : bool
-            False: tiles may be developed as soon as they have all their samples.
+            False: tiles may be developed as soon as all their samples are added.
         """
         film, spp = Film(*self.shape), self.plan.spp
         if keep_sums or spp > self._part or not film.has_separate_tiles:
@@ -110,7 +110,7 @@ class RenderJob:
         return self._inputs.sampler
 
     def make_workspace(self, channels: int) -> Workspace:
-        """Allocate what one thread works in."""
+        """Allocate the buffers of one thread."""
         bsdfs = self.kernel_scene.bsdfs
         return workspace_of(
             self.plan,
@@ -123,16 +123,16 @@ class RenderJob:
         )
 
     def shown(self, developed: NDArray[np.float32]) -> Shown:
-        """Return picture and AOVs of a film's channels (height, width, channels)."""
+        """Return picture and AOVs for a film's channels (height, width, channels)."""
         kind, requested = self.plan.kind, self.scene.description.integrator
         if self.plan.moments is None:
             return kind.show(developed, requested)
         return show_moments(kind, developed, requested)
 
     def add_samples(self, film: Film, place: int, end: int, thread: int) -> None:
-        """Let a place hold its samples up to number `end`; nothing if it holds more.
+        """Add samples to a place until it holds `end`; nothing if it holds more.
 
-        Threads may be at different places at the same time, each with its own number.
+        Threads may render different places simultaneously, each with its own number.
         """
         begin = int(film.samples[place])
         if end <= begin:
@@ -149,7 +149,7 @@ class RenderJob:
         end: int,
         thread: int,
     ) -> None:
-        """Add samples begin .. end - 1 of a place to sums, the film's or a copy of them."""
+        """Add samples begin .. end - 1 of a place to `sums`: the film's, or a copy."""
         tile = place % film.work.tiles
         for first_sample, end_sample in film.work.pieces(place, begin, end):
             self._render(
@@ -157,7 +157,7 @@ class RenderJob:
             )
 
     def finish_tiles(self, film: FinishedTiles, strip: int, thread: int) -> None:
-        """Trace and develop a strip of tiles; nothing if they are done."""
+        """Trace and develop a strip of tiles, unless it is done."""
         first, end = film.strips[strip]
         spp = self.plan.spp
         if film.samples[first] < spp:
@@ -203,11 +203,11 @@ class RenderJob:
 
     @property
     def methods_seconds(self) -> float:
-        """The part of the preparation in which kernels were compiled or loaded."""
+        """Seconds of the preparation in which kernels were compiled or loaded."""
         return self._inputs.compile_seconds
 
     def compile(self) -> float:
-        """Compile what calls the methods, or load it; return the seconds it took."""
+        """Compile the function that calls the methods, or load it; return the seconds."""
         start = time.perf_counter()
         film = Film(*self.shape._replace(width=1, height=1, sums_in_all=1))
         self._render(film.sums[:1], film.tiles[:1], 0, 0, thread=0)
@@ -216,7 +216,7 @@ class RenderJob:
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        """The streams of random numbers of a replay, which go on from sample to sample."""
+        """State of a replay's random numbers, which continue from sample to sample."""
         if not self.variant.in_order:
             return {}
         streams = _arrays_of(self.sampler.record)
@@ -286,11 +286,11 @@ def workspace_of(
 
 
 def filter_of(scene: Scene, plan: Plan) -> FilterTable:
-    """Return the table of the film's filter, with what is squared."""
+    """Return the table of the film's filter, with the channels that are squared."""
     table = filter_table(scene.description.camera.film.rfilter)
     if (
         plan.kind.counts_work
-    ):  # counts stay in their own pixel, so that they can be added up
+    ):  # counts have a box filter: they stay in their own pixel and can be added
         table = BOX
     if plan.moments is None:
         return table
@@ -299,7 +299,7 @@ def filter_of(scene: Scene, plan: Plan) -> FilterTable:
 
 
 def film_shape(scene: Scene, plan: Plan) -> FilmShape:
-    """Return what the film of a render is made of."""
+    """Return the arguments of the films of a render."""
     film, table = scene.description.camera.film, filter_of(scene, plan)
     return FilmShape(
         plan.kind.channels + (0 if table.squares is None else len(table.squares)),
@@ -310,13 +310,13 @@ def film_shape(scene: Scene, plan: Plan) -> FilmShape:
         filter_border(table),
         film.width + 2 * film.border,
         film.border,
-        # in a replay a pixel's stream of random numbers runs on through all its samples
+        # in a replay all samples of a pixel use one continuous stream of random numbers
         1 if plan.replay else SUMS_IN_ALL,
     )
 
 
 def _arrays_of(record: Any) -> list[NDArray[Any]]:
-    """Return all arrays of a record of records."""
+    """Return all arrays of nested records."""
     if isinstance(record, np.ndarray):
         return [record]
     parts = record if isinstance(record, tuple) else ()

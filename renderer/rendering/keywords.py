@@ -30,17 +30,17 @@ def with_keywords(
 def with_keywords(
     make: Callable[..., Any], call: Callable[..., Any], name: str
 ) -> Callable[..., Any]:
-    """Return a function that takes options as arguments, and calls one that takes them.
+    """Return a function with options as keyword arguments, from one with an object.
 
     Parameters
     ----------
     make
         `RenderOptions`; its fields become parameters, for type checkers too.
     call
-        Its last parameter is an object of options. `{options}` in its documentation
-        becomes theirs.
+        Its last parameter is the object of options. `{options}` in its docstring is
+        replaced by their documentation.
     name
-        Of the new function.
+        Name of the new function.
     """
     *first, _ = inspect.signature(call).parameters.values()
     signature = inspect.signature(call).replace(
@@ -65,7 +65,7 @@ def with_keywords(
 
 @functools.cache
 def _documentation() -> str:
-    """Return the options as parameters of a documentation in NumPy's style."""
+    """Return the options as parameters of a NumPy-style docstring."""
     text = []
     for field in dataclasses.fields(RenderOptions):
         text.append(f"{field.name} : {field.type}, default {field.default!r}")

@@ -1,7 +1,7 @@
-"""What a render will take of memory, said before it does, and refused if it is too much.
+"""Estimates the memory of a render before it starts, and refuses it if there is not enough.
 
-Each part is an upper estimate: of accelerators what their builders take at their peak. A
-test compares the sum with what is really allocated.
+Each part is an upper bound; for accelerators it is the peak of their builders. A test
+compares the sum with the memory that is really allocated.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from renderer.rendering.planning.plan import Plan
 from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 
-# Bytes for a primitive at the peak of a build, measured with 51,200 triangles in a mesh and
-# in a soup; what stays is a third of it or less.
+# Bytes per primitive at the peak of a build, measured with 51,200 triangles in a mesh and
+# as separate triangles; afterwards a third or less remains.
 _OF_STRUCTURE = {
     "brute": 210,
     "boxes": 210,
@@ -40,39 +40,39 @@ _OF_STRUCTURE = {
     "kd-sah": 950,
     "octree": 980,
 }
-_OF_GROUPS = 380  # trees of eight over all kinds together
-_OF_TABLES = 80  # for a primitive: lights, derivatives, copies without uv
-_OF_TILE = 160  # a row of `Film.tiles`, counts, and copies while they are made
-_STREAM = 24  # for a pixel of a replay: the state of its random numbers
-_PARAMETERS = 64  # rows for a BSDF; the largest have 30
-# The machine code of the kernels, with the compiler that makes it the first time [bytes].
+_OF_GROUPS = 380  # per primitive: 8-wide BVHs over all kinds
+_OF_TABLES = 80  # per primitive: lights, derivatives, copies without uv
+_OF_TILE = 160  # a row of `Film.tiles`, counts, and temporary copies
+_STREAM = 24  # per pixel of a replay: state of its random numbers
+_PARAMETERS = 64  # rows per BSDF; the largest have 30
+# The machine code of the kernels, and the compiler at the first use [bytes].
 _KERNELS = 150 << 20
 _OF_KERNELS = "the kernels"
 
-_loaded = False  # whether a render of this process has them
+_loaded = False  # whether a render of this process has loaded the kernels
 
 
 class Estimate(NamedTuple):
-    """Bytes that a render takes in addition to the scene, by what takes them."""
+    """Bytes that a render needs in addition to the scene, by purpose."""
 
     parts: dict[str, int]
 
     @property
     def total(self) -> int:
-        """The sum."""
+        """The sum of all parts."""
         return sum(self.parts.values())
 
     def together(self, other: Estimate) -> Estimate:
-        """Return what this render and another one take that is there with it."""
+        """Return the estimate for this render and another simultaneous one."""
         parts = {
             what: self.parts.get(what, 0) + other.parts.get(what, 0)
             for what in self.parts | other.parts
         }
         kernels = (each.parts.get(_OF_KERNELS, 0) for each in (self, other))
-        return Estimate(parts | {_OF_KERNELS: max(kernels)})  # of a process
+        return Estimate(parts | {_OF_KERNELS: max(kernels)})  # shared by the process
 
     def __str__(self) -> str:
-        """Return the parts that matter, the largest first."""
+        """Return the parts that matter, in descending order."""
         largest = sorted(self.parts.items(), key=lambda part: -part[1])
         return ", ".join(
             f"{what} {memory.shown(size)}"
@@ -84,7 +84,7 @@ class Estimate(NamedTuple):
 def estimate(
     scene: Scene, plan: Plan, options: RenderOptions, band: int | None = None
 ) -> Estimate:
-    """Return what a render will take; `band`: rows of tiles at a time, None: all."""
+    """Return the estimate of a render; `band`: rows of tiles in memory, None: all."""
     shape = film_shape(scene, plan)
     rows = shape.rows if band is None else min(band, shape.rows)
     sums = rows * shape.bytes_of_row
@@ -96,15 +96,15 @@ def estimate(
     parts = {
         _OF_KERNELS: 0 if _loaded else _KERNELS,
         "the film's sums": film,
-        # developed, as what is shown of it, and one channel after the other for a file
+        # the developed picture, its displayed copy, and one channel at a time for a file
         "the picture": (2 if band is None else 4) * picture,
         **_of_tracing(scene, plan, options),
     }
     if options.has_goal:
-        # copies of the sums, and what an error is guessed from
+        # copies of the sums, and temporary arrays of the error estimate
         parts["both halves of a goal"] = 2 * sums + 18 * picture
     if options.checkpoint is not None:
-        # copies of the sums are written while others are added to
+        # the copies are written while samples are added to the sums
         parts["a copy for the checkpoint"] = (3 if options.has_goal else 1) * sums
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
@@ -120,11 +120,11 @@ def estimate_workers(
     kernels: bool | None = None,
     scene_bytes: int = 0,
 ) -> Estimate:
-    """Return what so many processes take that trace portions, of so many threads each.
+    """Return the estimate for `workers` processes that trace portions with their threads.
 
     Their films are never written to, and the sums of a portion are small. `kernels` tells
-    whether they have to load them, None: whether this process has; `scene_bytes` is what
-    each of them has of the scene, 0 where it is there already.
+    whether they must load the kernels (None: if this process must). `scene_bytes` is the
+    size of the scene in each, 0 if it is there already.
     """
     each = {
         _OF_KERNELS: _KERNELS if (not _loaded if kernels is None else kernels) else 0,
@@ -147,18 +147,18 @@ def _of_tracing(scene: Scene, plan: Plan, options: RenderOptions) -> dict[str, i
 def estimate_all(
     renders: Iterable[tuple[Scene, Plan]], options: RenderOptions, band: int | None = None
 ) -> Estimate:
-    """Return what renders take that are there at the same time; see `estimate`."""
+    """Return the estimate for simultaneous renders; see `estimate`."""
     each = (estimate(scene, plan, options, band) for scene, plan in renders)
     return reduce(Estimate.together, each)
 
 
 def check_room(found: Estimate, source: str, possible: str) -> None:
-    """Refuse a render that takes more than there is.
+    """Refuse a render that needs more memory than is available.
 
     Raises
     ------
     NotAllowed
-        With what takes how much, how much there is, and what is possible instead.
+        Names the memory that is needed and available, and an alternative.
     """
     if found.total > memory.room():
         raise NotAllowed(
@@ -170,9 +170,9 @@ def check_room(found: Estimate, source: str, possible: str) -> None:
 
 
 def rows_at_once(shape: FilmShape, room: int) -> int:
-    """Return how many rows of tiles a band has: enough for all threads, and no more.
+    """Return the number of rows of tiles of a band: enough for all threads.
 
-    It has one more than it leaves to the next one at least, whether there is room or not.
+    It is at least one more than a band passes on to the next, even without memory for it.
     """
     a_row = shape.bytes_of_row + shape.columns * (
         _OF_TILE * shape.layers + 16 * 32 * 32 * shape.channels
@@ -189,11 +189,11 @@ def _accelerators(scene: Scene, plan: Plan, accel: str) -> int:
     chosen = choose_structures(scene, accel, plan.rays)
     total = 0
     for kind, surfaces in scene.surfaces.items():
-        alone = int(scene.starts[kind][0])  # the others lie in groups
+        alone = int(scene.starts[kind][0])  # the others are in groups
         name = chosen[kind].name if kind in chosen else "octree"
         total += _OF_STRUCTURE[name] * alone
         total += _OF_GROUPS * (surfaces.end - surfaces.first - alone)
-    # once more without lamps, once more for panes and lamps alone, which are disjoint
+    # once more without area lights; once more for panes and area lights (disjoint)
     total *= 1 + plan.hide_emitters + plan.through_panes
     if scene.placements is not None:
         total += _OF_STRUCTURE["wide"] * len(scene.description.instances)
@@ -214,7 +214,7 @@ def _workspace(scene: Scene, plan: Plan, shape: FilmShape) -> int:
 
 
 def _size(record: Any) -> int:
-    """Return the bytes of all arrays of a record of records."""
+    """Return the bytes of all arrays of nested records."""
     if isinstance(record, np.ndarray):
         return record.nbytes
     return sum(map(_size, record)) if isinstance(record, tuple) else 0

@@ -1,6 +1,6 @@
-"""Where a render is, and how it is shown: a bar with the time left, or plain lines.
+"""Progress of a render, and its display: a bar with the remaining time, or plain lines.
 
-A terminal and a notebook have a bar, anything else gets a line now and then.
+Terminals and notebooks get a bar; any other stream gets a line at intervals.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from typing import TYPE_CHECKING, Any, TextIO
 if TYPE_CHECKING:  # needs Numba
     from renderer.integrators.kind import Shown
 
-BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
+BAR_AFTER = 0.3  # [s] shorter renders have no bar
 BAR_EVERY = 0.1  # [s]
-LINE_EVERY = 10.0  # [s], where there is no bar
+LINE_EVERY = 10.0  # [s] between lines if there is no bar
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a render is: handed to the `progress` callback.
+    """Progress of a render, passed to the `progress` callback.
 
-    There is no stage "compile" when all kernels are in the cache. The callback may raise
-    KeyboardInterrupt, which ends the render as Ctrl-C does.
+    There is no stage "compile" if all kernels are in the cache. The callback may raise
+    KeyboardInterrupt, which ends the render like Ctrl-C.
     """
 
-    stage: str  # "compile", done 0 and then 1 of 1, then "render"
+    stage: str  # "compile" with done = 0, then 1, of 1; then "render"
     done: int  # samples so far
     total: int
     seconds: float  # in this stage
-    # of the picture so far, where a goal needs it: infinite before it is known
+    # estimated error, if a goal needs it: infinite before the first check
     error: float | None = None
-    resumed: int = 0  # samples of `done` that were in the checkpoint
-    cluster: str = ""  # a line about its workers and what they did
-    # gives the picture and the AOVs so far, at the price of developing the film; to be
-    # called by the callback, in its thread
+    resumed: int = 0  # samples of `done` that come from the checkpoint
+    cluster: str = ""  # a line about the workers
+    # Returns the picture and the AOVs so far; this develops the film. To be called by the
+    # callback, in its thread.
     picture: Callable[[], Shown] | None = None
 
 
@@ -47,17 +47,17 @@ class Progress:
 def shown(
     progress: Callable[[Progress], None] | bool | None,
 ) -> Iterator[Callable[[Progress], None] | None]:
-    """Give what is called with the `Progress` of a render; the bar goes with the context.
+    """Yield the callback for the `Progress` of a render, within a context.
 
     Parameters
     ----------
     progress : callable, bool, optional
-        True: a `ProgressDisplay` on standard error. False and None: nothing.
+        True: a `ProgressDisplay` on standard error. False and None: no display.
 
     Raises
     ------
     TypeError
-        If it is something else.
+        If it has another type.
     """
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise TypeError(
@@ -72,12 +72,12 @@ def shown(
 
 
 class ProgressDisplay:
-    """Shows each `Progress` it is called with; a context that leaves a clean line behind.
+    """Displays the `Progress` that it is called with; the context removes the bar.
 
     Parameters
     ----------
     stream : TextIO
-        Standard error, mostly. If it is no terminal it gets a line now and then.
+        Usually standard error. If it is not a terminal, it gets a line at intervals.
     quiet : bool
         Show nothing.
     """
@@ -90,11 +90,11 @@ class ProgressDisplay:
             self._bar = _NotebookBar()
         elif stream.isatty() and os.environ.get("TERM") != "dumb":
             self._bar = _TerminalBar(stream)
-        self._shown = 0.0  # seconds of the render when something was last shown
-        self._seconds = float("inf")  # of the render when it was last heard of
+        self._shown = 0.0  # [s] time of the render at the last display
+        self._seconds = float("inf")  # [s] time of the render at the last call
 
     def __enter__(self) -> ProgressDisplay:
-        """Show nothing yet."""
+        """Return the display; nothing is shown yet."""
         return self
 
     def __exit__(
@@ -103,12 +103,12 @@ class ProgressDisplay:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
 
     def __call__(self, progress: Progress) -> None:
-        """Show where the render is, unless it was shown just now."""
+        """Show the progress, unless it was shown shortly before."""
         if self._quiet:
             return
         try:
@@ -120,7 +120,7 @@ class ProgressDisplay:
         if progress.stage == "compile":
             self._compiling(progress)
             return
-        another = progress.seconds < self._seconds  # such as that of an AOV's colours
+        another = progress.seconds < self._seconds  # a new render, such as an AOV's colours
         self._seconds = progress.seconds
         if another:
             self._shown = 0.0
@@ -168,12 +168,12 @@ def _speed(progress: Progress) -> str:
 
 
 def shown_rate(rate: float) -> str:
-    """Return samples per second in words; the simple path tracer has some thousands."""
+    """Return samples per second in words; the textbook path tracer has some thousands."""
     return f"{rate:.0f} samples/s" if rate < 1e5 else f"{rate / 1e6:.1f} Msamples/s"
 
 
 def time_left(progress: Progress) -> float | None:
-    """Return the seconds that a render will probably still take; None: no idea yet."""
+    """Return the estimated remaining seconds; None if unknown."""
     done = progress.done - progress.resumed
     if done <= 0 or progress.error == float("inf") or progress.stage != "render":
         return None
@@ -189,7 +189,7 @@ def _duration(seconds: float) -> str:
 
 
 class _TerminalBar:
-    """A bar of `rich`, which is imported with the first: it takes 0.1 s."""
+    """A bar of `rich`, imported on first use: that takes 0.1 s."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -221,7 +221,7 @@ class _TerminalBar:
 
 
 class _NotebookBar:
-    """A bar of HTML below the cell; that of `rich` needs the package ipywidgets."""
+    """An HTML bar below the cell; that of `rich` would need the package ipywidgets."""
 
     def __init__(self) -> None:
         self._shown: Any = None
@@ -245,6 +245,6 @@ class _NotebookBar:
 
 
 def is_notebook() -> bool:
-    """Tell whether Jupyter runs this process: its shell has a kernel, a terminal's not."""
+    """Return whether Jupyter runs this process: its shell has a kernel."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")

@@ -1,18 +1,17 @@
-"""The road from a scene to its picture: plan -> job -> tiles -> film -> image.
+"""Renders a scene: plan -> job -> tiles -> film -> image.
 
-`begin` does what comes before the first sample, `finish` all that follows. Each line is a
-station of its own:
+`begin` does everything before the first sample, `finish` the rest. The steps are:
 
     make_plan        decides what is done, and why          planning/make_plan.py
-    build_job        builds trees, compiles the kernels     job.py
-    make_film        holds the sums, without samples yet    film/film.py
+    build_job        builds BVHs, compiles the kernels      job.py
+    make_film        allocates the sums of the film         film/film.py
     a source         adds samples to tiles: threads, or     tile_sources.py
                      the workers of a cluster               cluster/source.py
     run              the loop: goals, checkpoints, Ctrl-C   render_loop.py
     image_of         divides the sums by their weights      picture/image.py
 
-A film that is larger than memory is rendered in bands (`render_to_file.py`), each of which
-is a film for the same loop.
+A film that is larger than memory is rendered in bands (`render_to_file.py`); each band is
+a film for the same loop.
 """
 
 from __future__ import annotations
@@ -53,9 +52,9 @@ from renderer.rendering.tile_sources import Threads, TileSource
 from renderer.rendering.watching.notebook import watched
 from renderer.scene.scene import Scene
 
-_END: Any = object()  # of the scenes of a sweep
-_OF_GUIDES = ("seed", "threads", "accel", "memory")  # options that they share
-AHEAD = 2  # pictures of a sweep that are under way on a cluster after the first
+_END: Any = object()  # marks the end of the scenes of a sweep
+_OF_GUIDES = ("seed", "threads", "accel", "memory")  # options shared with denoiser guides
+AHEAD = 2  # pictures of a sweep that are started on a cluster after the current one
 INSTEAD = (
     "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
     "(not with --frames, --cluster, --checkpoint or a goal); fewer threads; --memory SIZE, "
@@ -77,16 +76,17 @@ def render_with(scene: Scene, options: RenderOptions) -> Image:
     -------
     Image
         float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
-        KeyboardInterrupt the picture so far, with `complete` false and the mean number of
-        its samples per pixel as `spp`; `requested_spp` says how many were requested.
+        KeyboardInterrupt it is the picture so far: `complete` is false, `spp` is the
+        mean number of samples per pixel, and `requested_spp` the number that was
+        requested.
 
     Raises
     ------
     SceneError
-        For a name that does not exist, a number that is out of range, a checkpoint of
-        something else, or more memory than there is.
+        If a name does not exist, a number is out of range, a checkpoint belongs to
+        another render, or the render needs more memory than is available.
     ClusterError
-        If a cluster cannot do anything of it.
+        If a cluster cannot render any part of it.
     TypeError
         If `scene` is not a Scene, or an option has another type than it needs.
     """
@@ -98,18 +98,18 @@ render = with_keywords(RenderOptions, render_with, "render")
 
 
 class Begun(NamedTuple):
-    """A render before its first sample."""
+    """A render that is ready for its first sample."""
 
     job: RenderJob
     film: Film
     source: TileSource
     goal: Goal | None
     checkpoint: Checkpoint | None
-    colors: tuple[Scene, RenderOptions] | None  # a second render, of those with AOVs
+    colors: tuple[Scene, RenderOptions] | None  # with AOVs: the second render
 
 
 def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
-    """Check what is requested, and do all that comes before the first sample."""
+    """Check the options, and do everything that precedes the first sample."""
     if not isinstance(scene, Scene):
         possible = "possible is what `load_file`, `load_string` or `load_dict` returns"
         raise TypeError(f"the scene is {shown_value(scene)}; {possible}")
@@ -120,7 +120,7 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
     if options.denoise:
         check_denoising(plan, has_colors=bool(of_colors))
     checkpoint, options_of_colors = _checkpoints(scene, options, renders)
-    with limited_to(options.memory):  # AOVs are there while their colours are rendered
+    with limited_to(options.memory):  # AOVs stay in memory while the colours are rendered
         check_room(estimate_all(renders, options), scene.description.source, INSTEAD)
     job = build_job(scene, plan, options, show)
     film = job.make_film(keep_sums=any((goal, checkpoint, workers)))
@@ -130,7 +130,7 @@ def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
 
 
 def finish(begun: Begun, show: Show) -> Image:
-    """Let the film get its samples, and return the picture; denoised, if it is whole."""
+    """Render the samples and return the picture, denoised if it is complete."""
     image, job = _picture(begun, show), begun.job
     if not (job.options.denoise and image.complete):
         return image
@@ -160,7 +160,7 @@ def _picture(begun: Begun, show: Show) -> Image:
 def _checkpoints(
     scene: Scene, options: RenderOptions, renders: list[Any]
 ) -> tuple[Checkpoint | None, RenderOptions]:
-    """Return the checkpoint, and the options of the colours of AOVs with theirs."""
+    """Return the checkpoint, and the options for the colours with their own checkpoint."""
     without = dataclasses.replace(
         options, integrator=None, checkpoint=None, resume=False, denoise=False
     )
@@ -178,26 +178,26 @@ def _checkpoints(
 
 
 def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Image]:
-    """Render one scene after the other, such as those of a sweep.
+    """Render a sequence of scenes, such as those of a sweep.
 
-    On a cluster the next pictures begin before one ends, so that no worker waits for the
-    last tile.
+    On a cluster the next pictures start before the current one ends, so that no worker
+    waits for its last tile.
 
     Parameters
     ----------
     scenes : iterable of Scene
-        Taken when they are needed.
+        Iterated when a scene is needed.
     {options}
 
     Yields
     ------
     Image
-        In the order of the scenes; after one that was interrupted there are no more.
+        In the order of the scenes. The sequence ends after an interrupted picture.
 
     Raises
     ------
     SceneError, ClusterError, TypeError
-        As `render`; after the pictures that were under way already.
+        As `render`, after the pictures that were already started.
     """
     if options.checkpoint is not None:
         raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
@@ -221,13 +221,13 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
             if failure is None:
                 try:
                     fill()
-                except Exception as error:  # those before it are whole, and half rendered
+                except Exception as error:  # raised after the pictures before it
                     failure = error
             if not waiting and failure is not None:
                 raise failure
             if not waiting:
                 return
-            with watched(options) as show:  # its bar has gone when others may print
+            with watched(options) as show:  # the bar is removed before others print
                 image = finish(waiting.popleft(), show)
             yield image
             if not image.complete:
@@ -243,7 +243,7 @@ render_frames = with_keywords(RenderOptions, frames_with, "render_frames")
 def image_of(
     job: RenderJob, film: Film, outcome: Outcome, metadata: Mapping[str, str] | None
 ) -> Image:
-    """Return the picture of the samples in a film: of a band, its complete rows."""
+    """Return the picture of the samples in a film; for a band, its complete rows."""
     plan, accuracy = job.plan, outcome.accuracy
     shown = job.shown(film.develop(job.threads))
     return Image(
@@ -267,7 +267,7 @@ def image_of(
 
 
 def _reached(film: Film, accuracy: Accuracy | None) -> list[str]:
-    """Return the line that says how a goal was met, if there was one."""
+    """Return the line on how a goal was reached, if there was one."""
     if accuracy is None:
         return []
     error = f"estimated error {accuracy.error:.2%}"
@@ -276,7 +276,7 @@ def _reached(film: Film, accuracy: Accuracy | None) -> list[str]:
 
 
 def _notes(job: RenderJob, film: Film, outcome: Outcome) -> dict[str, str]:
-    """Return what a file says about its making; the same for the same picture."""
+    """Return metadata about the render; equal for equal pictures."""
     notes = {
         "lightproof": VERSION,
         "integrator": job.plan.method,

@@ -1,6 +1,6 @@
-"""The loop of a render: tiles get samples until the film is whole, or a goal is reached.
+"""The render loop: adds samples to tiles until the film is complete or a goal is reached.
 
-It knows nothing of threads and clusters, which are sources of tiles.
+Threads and clusters are sources of tiles (`tile_sources`); the loop treats them the same.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from renderer.rendering.tile_sources import Threads, TileSource
 
 
 class Outcome(NamedTuple):
-    """How a loop ended; the samples are in its film."""
+    """Result of a loop; the samples are in its film."""
 
-    complete: bool  # false after an interrupt, or when a cluster was lost
-    seconds: float  # of tracing; with those before a checkpoint
-    trouble: str = ""  # of a cluster, that ended it
+    complete: bool  # false after an interrupt, or if a cluster was lost
+    seconds: float  # [s] of tracing, including the time before a checkpoint
+    trouble: str = ""  # the error of a cluster that ended the loop
     has_goal: bool = False
-    accuracy: Accuracy | None = None  # known where a goal needs it
+    accuracy: Accuracy | None = None  # known if the goal needs it
 
 
 def run(
@@ -43,30 +43,30 @@ def run(
     checkpoint: Checkpoint | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Outcome:
-    """Let a film get the samples of a job, as far as it goes.
+    """Add the samples of a job to a film, until it is complete or interrupted.
 
-    An interrupt (Ctrl-C) ends the loop after the tiles that are under way; one more while
-    these end is raised.
+    An interrupt (Ctrl-C) ends the loop after the tiles in progress. A second interrupt
+    before these tiles end is raised.
 
     Parameters
     ----------
     job : RenderJob
         What is rendered.
     film : Film
-        What there is so far; the loop adds what is missing.
+        The samples so far; the loop adds the missing ones.
     source : TileSource, optional
-        What adds the samples; None: threads of this process.
+        Adds the samples; None: threads of this process.
     goal : Goal, optional
-        At which it ends, at the latest with the plan's samples.
+        Ends the loop early; it ends at the latest with the plan's samples.
     checkpoint : Checkpoint, optional
-        From which the film is filled first, and that keeps its state.
+        The film is first filled from it; then the state is saved to it.
     progress : callable, optional
         Called with a `Progress`, in the calling thread.
 
     Raises
     ------
     SceneError
-        If the checkpoint does not fit.
+        If the checkpoint is not valid for this film.
     """
     return RenderLoop(job, film, source, goal, checkpoint, progress).run()
 
@@ -89,9 +89,9 @@ class RenderLoop:
         self._goal = None if job.plan.spp == 1 else goal
         self._halves = None if self._goal is None else Halves(film)
         self._accuracy: Accuracy | None = None
-        self._at_work = False  # the source is, or may be
+        self._at_work = False  # whether the source may be adding samples
         self._start = self._origin = self._source.begun or time.perf_counter()
-        self._resumed = 0  # samples
+        self._resumed = 0  # samples from the checkpoint
 
     def run(self) -> Outcome:
         """See the function `run`."""
@@ -111,7 +111,7 @@ class RenderLoop:
             self._show()
             complete = True
         except KeyboardInterrupt:
-            if self._at_work:  # one more, while tiles under way end
+            if self._at_work:  # a second interrupt, before the tiles in progress end
                 raise
         except ClusterError as error:
             trouble = str(error)
@@ -124,7 +124,7 @@ class RenderLoop:
 
     @property
     def _seconds(self) -> float:
-        """Of this loop and those before its checkpoint."""
+        """Return the seconds of this loop and of those before its checkpoint."""
         return time.perf_counter() - self._origin
 
     @property
@@ -165,7 +165,7 @@ class RenderLoop:
         end = 0 if halves is None else halves.end
         work = self._film.work
         if end > spp or (samples > work.samples(spp)).any():
-            # no larger ones, whose product would not be a number of 64 bits
+            # clipped, so that the product below does not overflow 64 bits
             plausible = np.minimum(samples, MOST_SAMPLES + 1)
             raise SceneError(
                 f"spp is {spp}, and the checkpoint has samples up to "
@@ -196,7 +196,7 @@ class RenderLoop:
         return goal.next_samples(done, error, self._seconds, most, steady=steady)
 
     def _expected(self, goal: Goal) -> tuple[int, float]:
-        """Return how many samples there will be, and the error of those that there are."""
+        """Return the expected number of samples, and the error of the present ones."""
         accuracy, most = self._accuracy, self._job.plan.spp
         if accuracy is None:
             return self._film.pixels * most, float("inf")
@@ -205,9 +205,9 @@ class RenderLoop:
         return max(spp * self._film.pixels, self._film.samples_done), error
 
     def _trace(self, end_sample: int) -> None:
-        """Add what is missing of samples 0 .. end_sample - 1 of all pixels.
+        """Add the missing ones of samples 0 .. end_sample - 1 to all pixels.
 
-        A checkpoint is taken while the source is stopped.
+        The source is stopped while a checkpoint is copied.
         """
         checkpoint = self._checkpoint
         try:
@@ -224,7 +224,7 @@ class RenderLoop:
             raise
 
     def _trace_till_due(self, end_sample: int) -> bool:
-        """Trace until a checkpoint is due; return true if nothing is missing any more."""
+        """Trace until a checkpoint is due; return true if no sample is missing."""
         source, checkpoint = self._source, self._checkpoint
         self._at_work = True
         try:

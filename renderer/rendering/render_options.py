@@ -28,11 +28,11 @@ from renderer.process.worker_pool import default_threads
 from renderer.rendering.progress_display import Progress
 
 # ------------------------------------------------------------------------ option values
-# What values options take: checks of arguments, and readers of words of a command line.
+# Values of options: checks of arguments, and parsers for the command line.
 #
-# Checks raise SceneError or TypeError, readers ValueError; both name what is possible.
+# Checks raise SceneError or TypeError, parsers ValueError; messages name possible values.
 
-MOST_LOCAL = 256  # processes of a cluster on this machine
+MOST_LOCAL = 256  # processes of a local cluster
 PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 MOST_SEED = 2**32 - 1
 
@@ -44,7 +44,7 @@ def shown_value(value: object) -> str:
 
 
 def whole(least: int, most: int) -> Callable[[str, Any], int]:
-    """Return a check for integers, NumPy's included, from `least` to `most`."""
+    """Return a check for integers (also NumPy's) in [least, most]."""
 
     def check(name: str, value: Any) -> int:
         try:
@@ -62,7 +62,7 @@ def whole(least: int, most: int) -> Callable[[str, Any], int]:
 
 
 def positive(name: str, value: Any) -> float:
-    """Return a number that is more than 0 and finite."""
+    """Return the value as a positive, finite float."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {shown_value(value)}; positive numbers are possible")
     if not 0.0 < float(value) < float("inf"):
@@ -71,7 +71,7 @@ def positive(name: str, value: Any) -> float:
 
 
 def error_goal(name: str, value: Any) -> float:
-    """Return a relative error: a number, or a text such as 2%."""
+    """Return a relative error, given as a number or as a text such as 2%."""
     if not isinstance(value, str):
         return positive(name, value)
     try:
@@ -82,7 +82,7 @@ def error_goal(name: str, value: Any) -> float:
 
 def truth(name: str, value: Any) -> bool:
     """Return True or False."""
-    if type(value).__name__ not in ("bool", "bool_"):  # Python's or NumPy's
+    if type(value).__name__ not in ("bool", "bool_"):  # of Python or NumPy
         raise TypeError(f"{name} is {shown_value(value)}; True and False are possible")
     return bool(value)
 
@@ -108,21 +108,21 @@ def names_and_texts(name: str, value: Any) -> Mapping[str, str]:
 
 
 def known_version(name: str, value: Any) -> str:
-    """Return a version of Mitsuba whose rules are known."""
+    """Check that the rules of this version of Mitsuba are implemented."""
     if value not in RULES:
         raise SceneError(f"{name}: {why_unknown(value)}")
     return str(value)
 
 
 def parse_count(text: str) -> int:
-    """Read a whole number of at least 1."""
+    """Parse an integer of at least 1."""
     if (value := parse_whole(text)) < 1:
         raise ValueError(f"{value} is less than 1")
     return value
 
 
 def parse_whole(text: str) -> int:
-    """Read a whole number."""
+    """Parse an integer."""
     try:
         return int(text)
     except ValueError:
@@ -130,14 +130,14 @@ def parse_whole(text: str) -> int:
 
 
 def parse_seed(text: str) -> int:
-    """Read a seed."""
+    """Parse a seed."""
     if not 0 <= (value := parse_whole(text)) <= MOST_SEED:
         raise ValueError(f"{value} is not in 0 to {MOST_SEED}")
     return value
 
 
 def parse_error(text: str) -> float:
-    """Read a relative error, such as 2% or 0.02."""
+    """Parse a relative error, such as 2% or 0.02."""
     number = parse_number(text.removesuffix("%"))
     if text.endswith("%"):
         return number / 100
@@ -147,12 +147,12 @@ def parse_error(text: str) -> float:
 
 
 def parse_seconds(text: str) -> float:
-    """Read a time, such as 90 or 90s."""
+    """Parse a time in seconds, such as 90 or 90s."""
     return parse_number(text.removesuffix("s"))
 
 
 def parse_number(text: str) -> float:
-    """Read a number that is more than 0 and finite."""
+    """Parse a positive, finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -174,38 +174,38 @@ def parse_cluster(where: str) -> str:
 
 
 # ------------------------------------------------------------------------------ options
-# `RenderOptions`: what `render` takes in addition to the scene, each option declared once.
+# `RenderOptions`: all options of `render`, each declared once.
 #
-# The keyword arguments of `render` and their documentation, the options of the command
-# line, what a checkpoint must agree in, what workers of a cluster are sent, and what
-# `--explain` repeats are all derived from these fields. A new option is a field here and
-# the place that uses it.
+# Several things are derived from these fields: the keyword arguments of `render` and their
+# documentation, the command line options, what must be equal to resume a checkpoint, what
+# is sent to workers of a cluster, and what `--explain` repeats. A new option needs a field
+# here and the code that uses it.
 #
-# Numba and NumPy are not imported here: `lightproof --help` does not wait for them.
+# Numba and NumPy are not imported here, so that `lightproof --help` starts fast.
 
-# ruff: noqa: RUF009  `_option` returns what `dataclasses.field` does
+# ruff: noqa: RUF009  `_option` returns the result of `dataclasses.field`
 
 
-MOST_SAMPLES = 1 << 24  # per pixel, as in a file
+MOST_SAMPLES = 1 << 24  # per pixel; scene files have the same limit
 MOST_THREADS = 1024
 
 
 class Option(NamedTuple):
-    """What is known of an option in addition to its name, type and default value.
+    """Metadata of an option, in addition to its name, type and default value.
 
-    Its roles are some of these words. `plan`: `make_plan` decides by it. `picture`: it is
-    part of the command that gives the picture again. `identity`: a checkpoint goes on with
-    the same value alone. `travels`: workers of a cluster need it. `bands`: it is possible
-    for a film that is rendered in bands.
+    Its roles are some of these words. `plan`: `make_plan` uses it. `picture`: it is part of
+    the command that reproduces the picture. `identity`: a checkpoint can only be resumed
+    with the same value. `travels`: it is sent to the workers of a cluster. `bands`: it is
+    supported for a film that is rendered in bands.
     """
 
     help: str
-    flag: str  # on the command line; empty: for Python alone
+    flag: str  # on the command line; empty: Python only
     metavar: str | None
     roles: frozenset[str]
-    parse: Callable[[str], Any]  # reads the text of the command line
+    parse: Callable[[str], Any]  # parses the text of the command line
     choices: tuple[str, ...]
-    noun: str  # of what is chosen, for messages; empty: the name
+    noun: str  # used in messages for the choice; empty: the name
     check: Callable[[str, Any], Any] | None  # (name, value) -> value, or raises
 
 
@@ -220,7 +220,7 @@ def _option(
     noun: str = "",
     check: Callable[[str, Any], Any] | None = None,
 ) -> Any:
-    """Return a field with its `Option`; `flag` is such as "--spp N"."""
+    """Return a dataclass field with its `Option`; `flag` is such as "--spp N"."""
     name, _, metavar = flag.partition(" ")
     words = frozenset(roles.split())
     option = Option(help, name, metavar or None, words, parse, choices, noun, check)
@@ -229,7 +229,7 @@ def _option(
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """The options of a render, checked when they are made.
+    """The options of a render; values are checked when an object is created.
 
     Raises
     ------
@@ -418,7 +418,7 @@ class RenderOptions:
     )
 
     def __post_init__(self) -> None:
-        """Refuse what is not possible."""
+        """Check all values, and combinations of options."""
         for name, option in OPTIONS.items():
             value = getattr(self, name)
             if value is None and name not in NEEDED:
@@ -434,7 +434,7 @@ class RenderOptions:
 
     @property
     def thread_count(self) -> int:
-        """Threads that render."""
+        """Number of rendering threads."""
         return default_threads() if self.threads is None else self.threads
 
     @property
@@ -444,11 +444,11 @@ class RenderOptions:
 
     @property
     def has_goal(self) -> bool:
-        """True if an error or a time ends the render."""
+        """Whether an error or a time limit ends the render."""
         return self.target_error is not None or self.time_limit is not None
 
     def given(self) -> dict[str, Any]:
-        """Return the options that are not at their default."""
+        """Return the options that differ from their defaults."""
         found = {}
         for name, default in DEFAULTS.items():
             value = getattr(self, name)

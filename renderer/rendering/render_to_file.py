@@ -1,4 +1,4 @@
-"""`render_to_file`: a picture that is larger than memory, band by band into an EXR file."""
+"""`render_to_file`: renders a picture larger than memory in bands, to an EXR file."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ POSSIBLE = "possible is `render`"
 
 @dataclass(frozen=True)
 class PictureFile:
-    """A picture that is in a file alone."""
+    """A picture that is only in a file, not in memory."""
 
     path: Path
     width: int
     height: int
-    spp: float  # this and the following as those of `Image`
+    spp: float  # this and the following fields as in `Image`
     samples: int
     seconds: float
     compile_seconds: float
@@ -43,10 +43,10 @@ class PictureFile:
 
 
 def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> PictureFile:
-    """Render a scene into an EXR file, some rows of the film at a time.
+    """Render a scene into an EXR file, a band of rows at a time.
 
-    The file is the one that `render(...).save(path)` writes, byte for byte; neither the
-    film nor the picture is ever in memory as a whole. An interrupt leaves no file.
+    The file is identical to that of `render(...).save(path)`, byte for byte. Neither the
+    film nor the picture is ever in memory as a whole. After an interrupt there is no file.
 
     Parameters
     ----------
@@ -59,15 +59,15 @@ def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> Pict
     Returns
     -------
     PictureFile
-        What it is, without its pixels.
+        The attributes of the picture, without its pixels.
 
     Raises
     ------
     KeyboardInterrupt
-        After an interrupt.
+        If the render was interrupted.
     SceneError
         As `render`; if the file cannot be written; for the integrator `work`, whose colours
-        are relative to the whole picture, for replays of Mitsuba, and for options that need
+        are relative to the whole picture; for replays of Mitsuba; and for options that need
         the whole film: a goal, a checkpoint, a cluster.
     """
     for name in options.given():
@@ -86,7 +86,7 @@ def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> Pict
         least = max(film_shape(*each).carried + 1 for each in todo)
         needs = estimate_all(todo, options, rows)
         while needs.total > room_of_memory.room() and rows > least:
-            rows = max(rows // 2, least)  # kernels and the picture take some of the room
+            rows = max(rows // 2, least)  # kernels and the picture need memory too
             needs = estimate_all(todo, options, rows)
         possible = "a film of fewer columns; fewer threads; --memory SIZE"
         check_room(needs, scene.description.source, possible)
@@ -114,12 +114,12 @@ render_to_file = with_keywords(RenderOptions, to_file_with, "render_to_file")
 
 
 def needs_whole_film(plan: Plan) -> bool:
-    """Return whether a picture cannot be made in bands."""
+    """Return whether a plan cannot be rendered in bands."""
     return plan.kind.counts_work or plan.replay
 
 
 def fits_in_memory(scene: Scene, options: RenderOptions) -> bool | None:
-    """Tell whether `render` has room for the film; None if bands are of no help.
+    """Return whether the film fits into memory; None if bands would not help.
 
     Raises
     ------
@@ -134,23 +134,23 @@ def fits_in_memory(scene: Scene, options: RenderOptions) -> bool | None:
 
 
 class _Progress:
-    """Adds up the progress of several renders that take turns, each in bands."""
+    """Accumulates the progress of several renders that alternate, each in bands."""
 
     def __init__(
         self, jobs: list[RenderJob], progress: Callable[[Progress], None] | None
     ) -> None:
         self._progress = progress
         self._total = sum(map(_samples, jobs))
-        self.samples = 0  # of the bands that are done
+        self.samples = 0  # in completed bands
         self._start = time.perf_counter()
 
     @property
     def seconds(self) -> float:
-        """Since all was prepared."""
+        """Seconds since the preparation ended."""
         return time.perf_counter() - self._start
 
     def show(self, samples: int, now: Progress) -> None:
-        """Hand on where all of them are; the band under way began with `samples`."""
+        """Report the total progress; the current band started after `samples` samples."""
         if self._progress is not None:
             done = self.samples + now.done - samples
             self._progress(Progress("render", done, self._total, self.seconds))
@@ -162,7 +162,7 @@ def _samples(job: RenderJob) -> int:
 
 
 def _bands(job: RenderJob, rows: int, show: _Progress) -> Iterator[Image]:
-    """Render band after band, and give the rows of each.
+    """Render the bands in order, and yield the picture rows of each.
 
     Raises
     ------

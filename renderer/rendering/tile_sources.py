@@ -1,6 +1,6 @@
-"""Where the tiles of a film get their samples: the threads of this process, or a cluster.
+"""Sources of samples for the tiles of a film: threads of this process, or a cluster.
 
-The render loop starts a source, waits for it, and stops it where the film must not change.
+The render loop starts a source, waits for it, and stops it before it reads the film.
 """
 
 from __future__ import annotations
@@ -17,42 +17,42 @@ from renderer.rendering.job import RenderJob
 
 
 class TileSource(Protocol):
-    """What adds samples to a film."""
+    """Interface of an object that adds samples to a film."""
 
-    begun: float  # `time.perf_counter()` of a start ahead of the loop; else 0
+    begun: float  # `time.perf_counter()` of a start before the loop; else 0
 
     @property
     def note(self) -> str:
-        """A line about what it does, for the progress; may be empty."""
+        """A line for the progress display; may be empty."""
 
     def start(self, wanted: NDArray[np.int64]) -> None:
-        """Begin to add samples until each place of the film holds as many as wanted."""
+        """Start adding samples until each place of the film holds `wanted` samples."""
 
     def wait(self) -> bool:
-        """Wait for the end, but not for long; return true if all samples are there.
+        """Wait for a short time; return true if all samples are there.
 
         Raises
         ------
         ClusterError
-            If some will never be.
+            If some samples can never be computed.
         """
 
     def stop(self) -> None:
-        """Let the film be at rest, with whole samples, until the next start."""
+        """Let the film be unchanged, with complete samples, until the next start."""
 
     def end(self) -> None:
-        """Stop for good; what is nearly done may still be added before."""
+        """Stop for good; samples that are nearly done may still be added before."""
 
 
 class Threads:
-    """The threads of this process, which take one place of the film after the other.
+    """Threads of this process, each of which takes one place of the film at a time.
 
     Parameters
     ----------
     job : RenderJob
-        What they do.
+        What is rendered.
     film : Film
-        Where they add samples.
+        The film that they add samples to.
     """
 
     note = ""
@@ -63,7 +63,7 @@ class Threads:
         self._pool = WorkerPool(1, 0, lambda number, thread: None)
 
     def start(self, wanted: NDArray[np.int64]) -> None:
-        """See `TileSource`; places may have come unequally far before."""
+        """See `TileSource`; places may hold different numbers of samples before."""
         if isinstance(self._film, FinishedTiles):
             self._pool = self._strips(self._film)
         else:
@@ -88,7 +88,7 @@ class Threads:
         return WorkerPool(self._job.threads, len(film.strips), work)
 
     def _rounds(self, wanted: NDArray[np.int64]) -> WorkerPool:
-        """Return threads that add one part to each place, then the next to each."""
+        """Return threads that add one part to each place, then the next part."""
         film = self._film
         places, part = film.work.places, film.work.part
         begun = film.samples // part

@@ -1,4 +1,4 @@
-"""Small lamps in fog, near which light samples are taken (`integrators.stages.near_lamps`).
+"""Small lights in fog: segments near them get more light samples (`stages.near_lamps`).
 
 Fog is a homogeneous medium that scatters.
 """
@@ -15,12 +15,12 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.media_description import ConstantVolume, Medium
 
 MOST_LAMPS = 16
-"""Each takes time at each segment; with more of them there are no such samples."""
+"""Each costs time at each segment. A scene with more lights gets no such samples."""
 
-# Relative to the length of a segment. With a lamp of 1/25 the median pixel reaches the same
-# error in 1.3 times less time, with one of 1/12 in 1.07 times less.
+# Radius relative to the length of a segment. For a light of 1/25 the median pixel reaches
+# equal error in 1.3 times less time, for one of 1/12 in 1.07 times less.
 _LARGEST_RADIUS = 1.0 / 24.0
-_LEAST_STRENGTH = 1e-6  # relative to the strongest: single precision adds their light up
+_LEAST_STRENGTH = 1e-6  # relative to the strongest; weaker ones are lost in float32 sums
 
 
 def fog_lamps(scene: Scene) -> NDArray[np.float32]:
@@ -52,7 +52,7 @@ def _fog_lamps(scene: Scene) -> NDArray[np.float32]:
 
 
 def _is_fog(medium: Medium) -> bool:
-    """Return whether a medium is the same everywhere, and scatters."""
+    """Return whether a medium is homogeneous and scatters."""
     dark = isinstance(medium.albedo, ConstantVolume) and medium.albedo.maximum == 0.0
     return (
         medium.plugin == "homogeneous"

@@ -1,8 +1,8 @@
-"""The numbers of the lights: their order in the file, area lights at their shapes.
+"""Light ids: in the order of the file, area lights at the place of their shapes.
 
-It is the order of `scene.emitters()` in Mitsuba where meshes are not merged
-(`optimize=False`), so that the same random number chooses the same light. Merging moves
-area lights on meshes to the end, in an order that depends on a hash.
+`scene.emitters()` in Mitsuba has this order if meshes are not merged (`optimize=False`), so
+that the same random number selects the same light. Merging moves area lights on meshes to
+the end, in an order that depends on a hash.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from renderer.scene_file.description import SceneDescription
 
 
 class LightOrder(NamedTuple):
-    """Light ids of everything that shines."""
+    """Light ids of all emitters."""
 
     of_shapes: list[int]  # by shape of the scene (not of its groups), -1: none
     of_emitters: list[int]
 
 
 def light_order(description: SceneDescription) -> LightOrder:
-    """Return the numbers of the lights of a scene, from 0 on."""
+    """Return the light ids of a scene, from 0 on."""
     shapes, emitters = description.shapes, description.emitters
     places = description.emitter_places or (len(shapes),) * len(emitters)
     of_shapes: list[int] = []

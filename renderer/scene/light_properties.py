@@ -1,4 +1,4 @@
-"""Which kinds of lights a scene has: used by plans and simplifications."""
+"""Kinds of lights in a scene, for plans and simplifications."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from renderer.scene_file.description import (
 def has_extended_lights(
     description: SceneDescription, *, but_even_sky: bool = False
 ) -> bool:
-    """Return whether there are lights that a ray can meet: shapes, environments.
+    """Return whether there are lights that a ray can hit: area lights, environments.
 
-    Without the even sky, if it is to be left out.
+    With `but_even_sky` a constant environment does not count.
     """
     emitters = map(plugin_of, description.emitters)
     return any(shape.radiance is not None for shape in description.shapes) or any(
@@ -28,22 +28,22 @@ def has_extended_lights(
 
 
 def has_even_sky(description: SceneDescription) -> bool:
-    """Return whether there is an environment of one radiance from everywhere."""
+    """Return whether there is an environment of constant radiance."""
     return any(plugin_of(emitter).even for emitter in description.emitters)
 
 
 def has_textured_lamps(description: SceneDescription) -> bool:
-    """Return whether the radiance of a shape depends on where it is met."""
+    """Return whether any area light has a texture as its radiance."""
     lit = (shape.radiance for shape in description.shapes)
     return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
 
 
 def has_lights_outside_their_samples(description: SceneDescription) -> bool:
-    """Return whether a light may emit in directions that light samples never choose.
+    """Return whether a light may emit in directions that light samples never have.
 
-    Samples of a compensated environment leave out directions below its mean. Samples of a
-    textured lamp are points of the texture, and find one of several triangles at the same
-    uv.
+    Samples of a compensated environment omit directions below its mean radiance. Samples
+    of a textured area light are points of the texture; if several triangles have the same
+    uv, they find only one of them.
     """
     return has_textured_lamps(description) or any(
         isinstance(emitter, EnvironmentMap) and emitter.mis_compensation
@@ -52,13 +52,13 @@ def has_lights_outside_their_samples(description: SceneDescription) -> bool:
 
 
 def has_textured_lights(description: SceneDescription) -> bool:
-    """Return whether a texture is looked up in any light; environments have images."""
+    """Return whether any light has a texture; images of environments count."""
     spots = (e for e in description.emitters if isinstance(e, SpotLight))
     return has_textured_lamps(description) or any(spot.texture for spot in spots)
 
 
 def sampled_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
-    """Return the numbers of the lights that are sampled: all, or all but an even sky."""
+    """Return the ids of the sampled lights: without an even sky if `finds_sky`."""
     order, emitters = light_order(description), description.emitters
     sampled = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
     if finds_sky:

@@ -1,6 +1,6 @@
-"""Tables of the lights of a scene, for sampling and for what paths find.
+"""Tables of the lights of a scene, for light samples and for emission that rays hit.
 
-Bounds of the position, direction and power of each light of a scene, by light id.
+Also the bounds of position, direction and power of each light, by light id.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int32]) -> Light
     mean = float(np.mean(radiance)) if isinstance(radiance, tuple) else mean_of(radiance)
     side = float(scene.shapes.orientation[number])
     if not isinstance(radiance, tuple) and kind.textured_side(shape) != side:
-        side = 0.0  # it is sampled on one side, and shines on the other
+        side = 0.0  # light samples use one side, emission is on the other
     return on_surface(
         np.asarray(points, np.float64),
         np.asarray(margin, np.float64),
@@ -68,7 +68,7 @@ def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int32]) -> Light
 
 
 def lit_sides(kind: BsdfKind) -> int:
-    """Return on which sides of a surface with this BSDF light is scattered.
+    """Return the sides of a surface on which its BSDF scatters light.
 
     IN_FRONT, BOTH_SIDES or ANY_NORMAL, see `LightChoice.sides`.
     """
@@ -82,27 +82,27 @@ def _turns_normals(kind: BsdfKind) -> bool:
 
 
 # ------------------------------------------------------------------------- light tables
-# Emitters as tables, in the order of `renderer.scene.light_properties`.
+# Emitters as tables, in the order of `renderer.scene.light_order`.
 
-# (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
+# (number of lights, triangle table, {light id: (primitive ids, areas)}) -> sampling table
 MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
 
 
 @dataclass(frozen=True)
 class LightTables:
-    """All lights of a scene: one table for each kind that there is."""
+    """All lights of a scene: one table for each kind that occurs."""
 
     count: int
-    kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
+    kind: NDArray[np.int32]  # (count,) index in `tables`, by light id
     tables: list[Any]  # records, columns by light id
 
     @property
     def kind_of_sky(self) -> int:
-        """Place of the environment in `tables`."""
+        """Index of the environment in `tables`."""
         return [environment_light.has(type(table)) for table in self.tables].index(True)
 
     def with_table(self, kind: int, table: Any) -> LightTables:
-        """Return the same lights with another table of a kind."""
+        """Return a copy with another table for one kind."""
         tables = [*self.tables[:kind], table, *self.tables[kind + 1 :]]
         return replace(self, tables=tables)
 
@@ -115,11 +115,11 @@ def light_tables(
     Parameters
     ----------
     scene
-        The lights are those of its description.
+        Its description has the lights.
     surfaces
-        Its surfaces, as the kernels see them.
+        Its surface tables, as the kernels read them.
     mesh_choice
-        Makes the table by which the triangles of mesh lights are chosen.
+        Makes the table that selects a triangle of a mesh light.
     """
     order = light_order(scene.description)
     others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
@@ -167,7 +167,7 @@ def light_tables(
 def _by_texture(
     count: int, scene: Scene, lights: dict[int, Any], name: str
 ) -> list[tuple[dict[int, Any], LightTextures | None]]:
-    """Return the lights in groups whose textures `name` can be in one table."""
+    """Return the lights in groups: textures `name` of a group can be in one table."""
     groups: dict[Any, dict[int, Any]] = {}
     for light, described in lights.items():
         texture = getattr(described, name, None)
@@ -185,12 +185,12 @@ def _by_texture(
 
 
 class _Lit(NamedTuple):
-    """The area lights of one table, by light id, and the kind of shape that they are on."""
+    """The area lights of one table by light id, and the kind of shape they are on."""
 
     kind: ShapeKind
-    all_surfaces: Any  # the table of all shapes of the kind
-    surfaces: Any  # the same as the kernels see it
-    ids: dict[int, NDArray[np.int32]]  # of their primitives
+    all_surfaces: Any  # table of all shapes of the kind
+    surfaces: Any  # the same, as the kernels read it
+    ids: dict[int, NDArray[np.int32]]  # primitive ids by light id
     shapes: dict[int, Any]
 
     def first_primitives(self, count: int) -> NDArray[np.int32]:

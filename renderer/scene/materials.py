@@ -1,4 +1,4 @@
-"""BSDFs, textures and which shape has which: the description's objects as tables."""
+"""BSDFs and textures of a scene as tables, and the BSDFs of each shape."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ from renderer.scene_file.description import (
     TwoSided,
 )
 
-# rows of a parameter -> the method that looks up a texture for it
+# number of rows of a parameter -> the method that looks up its texture
 _REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
-    """Return what a shape shows on the side of its normal and behind; None is black.
+    """Return the BSDFs of the front and the back of a shape; None is black.
 
-    A nested BSDF distinguishes the sides itself.
+    Nested BSDFs handle both sides themselves.
     """
     if isinstance(bsdf, TwoSided):
         both = bsdf.front, bsdf.back
@@ -62,12 +62,12 @@ def value_of(bsdf: Any, name: str) -> Any:
 
 
 def is_textured(value: Any) -> bool:
-    """Return whether a parameter differs from point to point."""
+    """Return whether a parameter varies over a surface."""
     return kind_of_texture(value) not in (None, UNIFORM)
 
 
 def leaves(texture: Any) -> Iterator[Any]:
-    """Yield the textures that may be looked up for a parameter with this texture."""
+    """Yield the textures that may be looked up for a parameter, inside nested ones."""
     nested = children(texture) if isinstance(texture, CheckerboardTexture) else None
     for part in nested or ():
         yield from leaves(part)
@@ -76,7 +76,7 @@ def leaves(texture: Any) -> Iterator[Any]:
 
 
 def table_of(texture: Any) -> tuple[TextureKind, Any]:
-    """Return the kind of a texture, and the key of its table among those of the kind."""
+    """Return the kind of a texture, and the key of its table within the kind."""
     kind = kind_of_texture(texture)
     assert kind is not None
     return kind, kind.group(texture)
@@ -99,11 +99,11 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    loaded: list[BsdfKind] = field(default_factory=list)  # the kind of each as it was built
+    loaded: list[BsdfKind] = field(default_factory=list)  # kind of each BSDF when built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
-        """Collect the BSDFs and the numbers of the area lights."""
+        """Collect the BSDFs and the ids of the area lights."""
         tables = cls()
         ids: dict[int, int] = {}
         front, back = [], []
@@ -129,13 +129,13 @@ class MaterialTables:
 
     @property
     def kinds(self) -> list[BsdfKind]:
-        """The kinds present: those with smooth lobes first, else as they are registered.
+        """Kinds that occur: those with smooth lobes first, else in order of registration.
 
-        After these come nestings, each structure a kind.
+        Wrappers with nested BSDFs follow; each different structure is a kind.
         """
         found = [kind_of(bsdf) for bsdf in self.bsdfs]
         for kind, loaded in zip(found, self.loaded or found, strict=True):
-            if kind != loaded:  # stages and parameters would be those of the old one
+            if kind != loaded:  # the tables were built for an older registration
                 raise SceneError(
                     f"BSDF {kind.name!r} was registered anew after the scene was loaded; "
                     "load it again"
@@ -150,41 +150,41 @@ class MaterialTables:
 
     @property
     def smooth(self) -> bool:
-        """Whether lights are sampled at any surface."""
+        """Whether any BSDF has smooth lobes, so that light samples are taken."""
         return any(kind.smooth for kind in self.kinds)
 
     @property
     def delta(self) -> bool:
-        """Whether there are mirrors or glass."""
+        """Whether any BSDF has delta lobes."""
         return any(kind.delta for kind in self.kinds)
 
     @property
     def straight(self) -> bool:
-        """Whether rays go straight on through any surface."""
+        """Whether any BSDF transmits rays straight through."""
         return any(kind.straight for kind in self.kinds)
 
     @property
     def half_open(self) -> bool:
-        """Whether lights are sampled at a surface that rays go straight through."""
+        """Whether any BSDF has both smooth lobes and straight transmission."""
         return any(kind.smooth and kind.straight for kind in self.kinds)
 
     @property
     def chooses(self) -> bool:
-        """Whether a delta lobe is chosen at random."""
+        """Whether any BSDF selects a delta lobe at random."""
         return any(kind.chooses for kind in self.kinds)
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
+        """Whether any BSDF is anisotropic, so that dp/du is needed."""
         return any(kind.oriented for kind in self.kinds)
 
     @property
     def textured(self) -> bool:
-        """Whether any BSDF looks at uv."""
+        """Whether any BSDF depends on uv."""
         return any(is_textured(value) for value in self._parameters())
 
     def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
-        """Return the bits of what a hit on each shape needs next."""
+        """Return the bits that tell which stages follow a hit, by shape."""
         if len(self.kinds) > MOST_BSDF_KINDS:
             raise SceneError(
                 f"the scene has {len(self.kinds)} kinds of BSDF; {MOST_BSDF_KINDS} are "
@@ -199,14 +199,14 @@ class MaterialTables:
         return np.array(rows or [0], np.int32)
 
     def parameters_of(self, bsdf: Any) -> list[tuple[Any, int]]:
-        """Return (value, rows) of all parameters that points on a BSDF have."""
+        """Return (value, rows) of all parameters of a BSDF that are stored per point."""
         return [(value_of(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
 
     def _parameters(self) -> list[Any]:
         return [value for b in self.bsdfs for value, _ in self.parameters_of(b)]
 
     def textures(self) -> list[Any]:
-        """Return the distinct textures; their places are the texture ids."""
+        """Return the distinct textures; their indices are the texture ids."""
         found: dict[int, Any] = {}
 
         def collect(texture: Any) -> None:
@@ -222,7 +222,7 @@ class MaterialTables:
         return list(found.values())
 
     def values(self) -> NDArray[np.float32]:
-        """Return the constant parameters, (rows, BSDFs), a multiple of four rows."""
+        """Return the constant parameters, (rows, BSDFs), padded to four rows."""
         rows = max((kind.row_count for kind in self.kinds), default=1)
         fours = -(-max(rows, 1) // 4)
         table = np.zeros((4 * fours, max(len(self.bsdfs), 1)), np.float32)
@@ -232,7 +232,7 @@ class MaterialTables:
         return by_columns(table)
 
     def tables_of(self, kind: BsdfKind) -> dict[str, Rows]:
-        """Return the tables of a kind by their names; what BSDFs share is there once."""
+        """Return the tables of a kind by name; tables shared by BSDFs are stored once."""
         tables = {}
         for name in kind.tables:
             parts: list[NDArray[np.float32]] = []
@@ -261,9 +261,9 @@ class MaterialTables:
     def look_ups(
         self, kinds: Sequence[BsdfKind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
-        """Return (kind of BSDF, texture table, first row, request) of all that is textured.
+        """Return (kind of BSDF, texture table, first row, request) of textured parameters.
 
-        An entry of `kinds` is None if the parameters of that kind are not needed.
+        An entry of `kinds` is None if no parameters of that kind are needed.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):

@@ -115,10 +115,10 @@ def _factor(volume: Volume) -> Any:
 
 
 def _sigma_t(medium: Medium) -> Any:
-    """Return the extinction, or the factor of a grid; 0 where nothing ever collides.
+    """Return the extinction, or the factor of a grid; 0 if nothing ever collides.
 
-    A product of two float32, as in Mitsuba: there, in a medium that is constant, it equals
-    the majorant in all bits, so that no collision is null.
+    A product of two float32, as in Mitsuba. For a homogeneous medium it equals the
+    majorant bit by bit, so that no collision is a null collision.
     """
     nothing = medium.plugin != "homogeneous" and np.float32(_majorant(medium)) == 0.0
     scale = np.float32(0.0 if nothing else medium.scale)
@@ -128,7 +128,7 @@ def _sigma_t(medium: Medium) -> Any:
 def _majorant(medium: Medium) -> float:
     if medium.plugin == "homogeneous":
         return 0.0
-    # above every interpolated number, which rounding may raise by some units
+    # above every interpolated value, which rounding may increase by some units
     return medium.scale * medium.sigma_t.maximum * (1.0 + 2.0**-20)
 
 
@@ -139,14 +139,14 @@ class _Leaf(NamedTuple):
     """One phase function of a mixture."""
 
     phase: Phase
-    share: float  # in the mixture, (0, 1]; weights that vary are not in it
-    weights: tuple[tuple[GridVolume, int], ...]  # as in `Media.weights`
+    share: float  # product of the constant weights, in (0, 1]
+    weights: tuple[tuple[GridVolume, int], ...]  # grids, as in `Media.weights`
 
 
 def _leaves(
     phase: Phase, share: float, weights: tuple[tuple[GridVolume, int], ...] = ()
 ) -> Iterator[_Leaf]:
-    """Yield the phase functions of a mixture, but those that nowhere have a share."""
+    """Yield the leaves of a mixture with their weights, without weights of 0."""
     if isinstance(phase, BlendedPhase):
         weight = phase.weight
         if isinstance(weight, GridVolume):
@@ -177,7 +177,7 @@ def _kind(phase: Phase) -> int:
 
 
 def _table(phase: Phase) -> NDArray[np.float64]:
-    """Return densities at equally spaced cosines, and their integrals up to there."""
+    """Return the phase function at equally spaced cosines, and its integral up to them."""
     if not isinstance(phase, TabulatedPhase):
         return np.zeros((2, 0))
     values = np.array(phase.values)

@@ -1,4 +1,4 @@
-"""Panes: glass behind which a straight line finds the lights that are there."""
+"""Panes: flat or thin glass that light samples may pass, by refraction."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from renderer.scene.materials import kind_of, sides
 from renderer.scene_file.description import Disk, Mesh, Rectangle, SceneDescription, Shape
 
 MOST_DIRECTIONS = 12
-"""Directions of a mesh's faces, at most, if it counts as panes; a box has 6."""
+"""Largest number of face normals of a mesh that counts as panes; a box has 6."""
 
-_FIRST_FACES = 1000  # nearly all other meshes have more directions among these
+_FIRST_FACES = 1000  # tested first: enough to exclude nearly all other meshes
 
 
 def panes(description: SceneDescription) -> NDArray[np.int32]:
     """Return 1 for each shape that is a pane, 0 for the others; (shapes,).
 
-    Panes are flat, or let light straight through, as `thindielectric` does. A scene with
-    instances has none: accelerators of the panes alone would hold the instances, too.
+    Panes are flat, or transmit straight through as `thindielectric`. A scene with instances
+    has none: its accelerators of panes alone would contain the instances too.
     """
     able = not description.instances
     shapes = description.every_shape
@@ -35,7 +35,7 @@ def _is_pane(shape: Shape) -> bool:
 
 
 def _is_flat(shape: Shape) -> bool:
-    """Return whether the surface has few directions."""
+    """Return whether the surface has few different normals."""
     if not isinstance(shape, Mesh):
         return isinstance(shape, Rectangle | Disk)
     return _has_few_directions(shape, shape.faces[:_FIRST_FACES]) and _has_few_directions(

@@ -1,4 +1,4 @@
-"""Groups of shapes that instances place, and the attributes of their meshes."""
+"""Transforms and boxes of instances, and checks of mesh attributes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from renderer.scene_file.description import (
 )
 
 # --------------------------------------------------------------------------- attributes
-# Whether each shape has the attributes that its BSDFs' textures show.
+# Checks that each shape has the attributes that its BSDFs' textures use.
 
-LARGEST = 1e9  # of what a path is multiplied by; four of them fit float32
+LARGEST = 1e9  # of a factor of the throughput; a product of four fits into float32
 
 
 def check_attributes(
@@ -69,21 +69,22 @@ def _check_size(texture: MeshAttributeTexture, shape: Shape) -> None:
 
 
 # ------------------------------------------------------------------------ placed groups
-# Where the instances of a scene are: their transforms and their boxes in the world.
+# Transforms of the instances of a scene, and their boxes in world space.
 
-# Beyond it one rounding error of an object's coordinates is a tenth of the object: an
-# instance that is so flat or slanted shows noise.
+# A larger distortion makes rounding errors of coordinates a tenth of the object's size:
+# instances that are so flat or sheared show noise.
 MOST_DISTORTION = 1e6
-RUNS = 32  # boxes of each kind that stand for a group when it is placed
+RUNS = 32  # boxes per kind of primitive that bound a group
 
 
 def place(instances: Sequence[Instance]) -> Placements | None:
     """Return the transforms of all instances; None if there are none.
 
-    The inverse is that of the rounded matrix, so that the two undo each other as well as
-    single precision can. Both use the same translation a, subtracted before the inverse is
-    applied: x_object = A^-1 (x_world - a) is exact to the distance from the *instance*,
-    where A^-1 x_world - A^-1 a would lose digits with the distance from the world's origin.
+    The inverse is that of the rounded matrix, so that both transforms cancel as exactly as
+    single precision allows. Both use the same translation a, which is subtracted before the
+    inverse is applied: x_object = A^-1 (x_world - a) has an error relative to the distance
+    from the *instance*; for A^-1 x_world - A^-1 a it grows with the distance from the
+    world's origin.
     """
     if not instances:
         return None
@@ -118,28 +119,29 @@ def translation(numbers: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def distortion(placements: Placements) -> NDArray[np.float64]:
-    """Return how much going into the objects and back may enlarge errors, (n, 3).
+    """Return by how much a transform to object space and back can amplify errors, (n, 3).
 
-    An error e of a point (sum of absolute coordinates) grows to max|A^-1|_1 e in the
-    object's space, where tests mix all coordinates, and back in the world to |A| 1 times
-    that along each axis. 1 for any uniform scale, up to 3 for rotations.
+    An error e of a point (sum of absolute coordinates) grows to max|A^-1|_1 e in object
+    space, where tests mix all coordinates. Back in world space it is |A| 1 times that along
+    each axis. The result is 1 for uniform scales, up to 3 for rotations.
     """
     back = np.abs(linear_part(placements.to_object)).sum(axis=1).max(axis=1)
     return np.abs(linear_part(placements.to_world)).sum(axis=2) * back[:, None]
 
 
 def group_boxes(primitives: Sequence[Any]) -> list[NDArray[np.float64]]:
-    """Return boxes that hold each group in its own space, (2, 3, m) for a group.
+    """Return boxes that contain each group in its own space, (2, 3, m) for a group.
 
-    There are up to `RUNS` boxes of each kind, each over consecutive primitives, which are
-    neighbours in most meshes. Rotated into the world these boxes have a smaller common box
-    than the rotated box of the group: 30 % less surface and 9 % fewer box tests in
-    scenes/instances.
+    There are up to `RUNS` boxes for each kind, each over consecutive primitives, which are
+    neighbours in most meshes. Transformed to world space these boxes have a smaller union
+    than the transformed box of the whole group: 30 % less surface and 9 % fewer box tests
+    in scenes/instances.
 
     Parameters
     ----------
     primitives
-        For each kind of primitive its boxes, (3, n) twice, and where the groups begin.
+        For each kind of primitive: lower corners (3, n), upper corners (3, n), and the
+        columns where the groups begin.
     """
     boxes: list[NDArray[np.float64]] = []
     for group in range(len(primitives[0][1]) - 1):
@@ -160,13 +162,13 @@ def group_boxes(primitives: Sequence[Any]) -> list[NDArray[np.float64]]:
 def placed_boxes(
     placements: Placements, boxes: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Return the boxes in the world that hold the instances' groups, (2, 3, n)."""
+    """Return the world space boxes of the instances, (2, 3, n)."""
     linear = linear_part(placements.to_world)
     held = np.full((2, 3, len(linear)), np.inf)
     held[1] = -np.inf
     for group, (lower, upper) in enumerate(boxes):
         mine = np.flatnonzero(placements.group == group)
-        for k in range(lower.shape[1]):  # one by one: memory for copies, not copies x boxes
+        for k in range(lower.shape[1]):  # one at a time: memory for n, not n times boxes
             middle = linear[mine] @ (0.5 * (lower + upper)[:, k])
             half = np.abs(linear[mine]) @ (0.5 * (upper - lower)[:, k])
             held[0][:, mine] = np.minimum(held[0][:, mine], (middle - half).T)
@@ -175,7 +177,7 @@ def placed_boxes(
 
 
 def shape_numbers(description: SceneDescription) -> NDArray[np.int32]:
-    """Return the number of each shape in the file, as Mitsuba counts: instances as well."""
+    """Return the number of each shape in the file; as in Mitsuba, instances count too."""
     shapes, instances = len(description.shapes), description.instances
     taken = [instance.place for instance in instances]
     free = np.setdiff1d(np.arange(shapes + len(instances)), taken) + 1
@@ -189,7 +191,7 @@ def check_placements(
     bounds: NDArray[np.float64],
     farthest: float,
 ) -> None:
-    """Refuse instances that single precision cannot hold.
+    """Refuse instances whose coordinates are inaccurate in single precision.
 
     Raises
     ------

@@ -1,26 +1,25 @@
 """Reconstruction filters: how much a sample counts in the pixels around it.
 
 All six are separable, w(x, y) = w(x) w(y), symmetric, and zero beyond `radius`; x is the
-distance from the centre of a pixel [pixels]. They are defined exactly as in Mitsuba,
-because its `scalar_rgb` is what our pictures are held against. What that variant
-does with them, and what a film that wants the same picture has to do:
+distance from the centre of a pixel [pixels]. They are defined exactly as in Mitsuba, since
+pictures are compared with its `scalar_rgb`. That variant, and so this film, does this:
 
-- **A table, not the formula.** The half-axis [0, radius] is cut into `TABLE_STEPS` equal
-  steps. Within a step the weight is that of the step's *lower* end, without interpolation,
-  and from `radius` on it is 0 (`tabulate`, `lookup_weight`). A gaussian is thus a
-  staircase: off by up to 9 % of its peak, which is why the formula would not do here.
+- **A table, not the formula.** The half-axis [0, radius] is divided into `TABLE_STEPS`
+  equal steps. Within a step the weight is that of its *lower* end, without interpolation;
+  from `radius` on it is 0 (`tabulate`, `lookup_weight`). So a gaussian is a step function,
+  which differs from the formula by up to 9 % of its peak.
 - **Which pixels.** A sample at film position p (pixel i covers i to i + 1) reaches the
   pixels with |i + 1/2 - p| <= radius along each axis (`pixels_touched`).
 - **The picture** is sum(w v) / sum(w) per pixel, with the weights of all its samples; a
   pixel whose weights sum to exactly zero is black. Weights are not normalised per sample.
-- **Borders.** Only pixels inside the crop window are sampled (unless the film sets
-  `sample_border`) and only they are stored, so pixels at the rim have fewer neighbours
-  to collect from; the division by sum(w) makes up for that.
+- **Borders.** Only pixels inside the crop window are sampled (unless the film has
+  `sample_border`) and stored. So pixels at the border receive samples from fewer
+  neighbours; the division by sum(w) compensates for that.
 - **Negative lobes** (mitchell, catmullrom, lanczos) are kept: a pixel next to a bright
   edge may be negative, and nothing clamps it.
 - **The box** is a special case, recognised by its radius of 1/2: a sample has weight 1 in
-  the pixel that it was drawn for and 0 elsewhere, even if its position was rounded into a
-  neighbour.
+  the pixel that it was drawn for and 0 elsewhere, even if rounding moves it into a
+  neighbouring pixel.
 """
 
 from __future__ import annotations
@@ -36,9 +35,9 @@ FloatArray = NDArray[np.float64]
 
 TABLE_STEPS = 31  # Mitsuba's resolution; a finer table gives a different picture
 
-# exp(-s / 2) on 0 <= s <= 16 as the polynomial of degree 9 with the least relative error
-# (4.04e-4; found by a Remez exchange), less its value at 16. Mitsuba's CPU variants use
-# this fit in place of the exponential: up to 4e-4 apart from it.
+# exp(-s / 2) on 0 <= s <= 16 as the polynomial of degree 9 with the smallest relative error
+# (4.04e-4, by a Remez exchange), minus its value at 16. Mitsuba's CPU variants use a fit
+# that differs from the exponential by up to 4e-4 too.
 _GAUSSIAN_FIT = (
     9.992604880e-01,
     -4.977025247e-01,
@@ -100,12 +99,12 @@ FILTER_NAMES = tuple(_FORMULAS)
 
 
 def evaluate(rfilter: ReconstructionFilter, x: ArrayLike) -> FloatArray:
-    """Weight of a sample at distance `x` by the formula, not the table.
+    """Return the weight of a sample at distance `x` by the formula, not the table.
 
     Parameters
     ----------
     rfilter
-        Name and numbers of the filter.
+        Name and parameters of the filter.
     x
         Distances along one axis [pixels], any shape and sign.
 
@@ -129,7 +128,7 @@ def evaluate(rfilter: ReconstructionFilter, x: ArrayLike) -> FloatArray:
 
 
 def tabulate(rfilter: ReconstructionFilter, steps: int = TABLE_STEPS) -> FloatArray:
-    """Weights at the lower ends of `steps` equal parts of [0, radius], then a 0.
+    """Return weights at the lower ends of `steps` equal parts of [0, radius], then a 0.
 
     Returns
     -------
@@ -140,16 +139,16 @@ def tabulate(rfilter: ReconstructionFilter, steps: int = TABLE_STEPS) -> FloatAr
 
 
 def lookup_weight(table: FloatArray, radius: float, x: ArrayLike) -> FloatArray:
-    """Weight at distance `x` [pixels] as the film sees it, from `tabulate`'s table."""
+    """Return the weight at distance `x` [pixels] from `tabulate`'s table."""
     steps = len(table) - 1
     step = np.abs(np.asarray(x, dtype=np.float64)) * (steps / radius)
     return table[np.minimum(step, steps).astype(np.int64)]
 
 
 def pixels_touched(position: float, radius: float, size: int) -> range:
-    """Pixels of a row of `size` that a sample at film position `position` reaches.
+    """Return the pixels of a row of `size` that a sample at film `position` reaches.
 
-    Empty if none is inside; `position` is measured from the row's first pixel.
+    The range is empty if no pixel is reached; `position` is relative to the first pixel.
     """
     first = int(np.ceil(position - 0.5 - radius))
     last = int(np.floor(position - 0.5 + radius))

@@ -1,7 +1,7 @@
 """Scene: a SceneDescription as flat arrays, one group for each kind of primitive.
 
-Primitive ids run through the kinds (as `registry.SHAPES` has them: triangles first), in
-the order of the file within each; ids and shape ids are all that later stages see.
+Primitive ids are assigned by kind in the order of `registry.SHAPES` (triangles first), and
+within a kind in the order of the file. Later stages use only primitive ids and shape ids.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from renderer.scene.placed_groups import (
 from renderer.scene_file.coordinate_limits import FARTHEST
 from renderer.scene_file.description import SceneDescription
 
-# tables may hold copies of textures, or more for each triangle
+# tables may contain copies of textures, or additional numbers for each triangle
 RECENT = {"plan": 32, "structures": 32, "tables": 2}
 
 
@@ -47,7 +47,7 @@ def counted(count: int, kind: str) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """Everything about a scene that does not depend on how it is rendered."""
+    """All data of a scene that does not depend on the render options."""
 
     description: SceneDescription
     surfaces: dict[
@@ -58,13 +58,13 @@ class Scene:
     stages: NDArray[np.int32]  # (primitives,) bits of renderer.kernels.records.kernel_scene
     shapes: Shapes
     materials: MaterialTables
-    # kind -> (groups + 1,) columns of its record where each group begins, and the end; what
-    # comes before the first group is in the world, the rest is seen through instances
+    # kind -> (groups + 1,) columns of its record where each group begins, and the end.
+    # Primitives before the first group are in world space; the others belong to instances.
     starts: dict[str, NDArray[np.int64]]
     placements: Placements | None  # None: there are no instances
 
     def __repr__(self) -> str:
-        """Return a line: the fields would be pages of arrays."""
+        """Return one line: the fields would be pages of arrays."""
         film = self.description.camera.film
         counts = {kind: int(starts[-1]) for kind, starts in self.starts.items()}
         counts["instances"] = len(self.description.instances)
@@ -81,13 +81,13 @@ class Scene:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out cached values when pickling: tables hold addresses of this process."""
+        """Exclude cached values from pickles: tables contain addresses of this process."""
         return {name: value for name, value in vars(self).items() if name != "_recent"}
 
     def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
-        """Return `build(*arguments)` for a key, computed once and then cached.
+        """Return `build(*arguments)`, computed once for each key and then cached.
 
-        Accelerators are an example: they are the same for every render of the scene.
+        Used for example for accelerators, which all renders of the scene share.
         """
         if key not in self._built:
             self._built[key] = build(*arguments)
@@ -96,23 +96,23 @@ class Scene:
     def recently(
         self, what: str, key: Any, build: Callable[..., Any], *arguments: Any
     ) -> Any:
-        """Return the same as `once`, but keep the most recent results only.
+        """Return `build(*arguments)` as `once`, but cache only the most recent results.
 
-        For results that depend on the render options. There may be any number of
-        them: the last `RECENT[what]` are kept.
+        Used for results that depend on the render options, of which there may be many
+        variants: the last `RECENT[what]` are kept.
         """
         kept = self._recent.setdefault(what, {})
-        found = kept.pop(key, None)  # other threads may be here too
+        found = kept.pop(key, None)  # may be changed by other threads
         if found is None:
             found = build(*arguments)
-        kept[key] = found  # at the end
+        kept[key] = found  # at the end: most recent
         for oldest in list(kept)[: -RECENT[what]]:
             kept.pop(oldest, None)
         return found
 
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """Lower and upper corner of the world, (2, 3); empty scenes give a point at 0."""
+        """Lower and upper corner of the world, (2, 3); a point at 0 for an empty scene."""
         boxes: list[Any] = []
         if self.instance_boxes is not None:
             boxes.append(self.instance_boxes)
@@ -153,8 +153,8 @@ def build_scene(description: SceneDescription) -> Scene:
     Raises
     ------
     SceneError
-        If an instance takes a coordinate too far for single precision; the reader has
-        looked at the shapes.
+        If an instance has coordinates too large for single precision; the reader has
+        checked the shapes.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _build_scene(description)
@@ -214,6 +214,6 @@ def _build_scene(description: SceneDescription) -> Scene:
 
 
 def _groups_of_shapes(description: SceneDescription) -> NDArray[np.int64]:
-    """Return 0 for each shape of the scene, k + 1 for those of group k; ends with K."""
+    """Return 0 for shapes outside of groups, k + 1 for those of group k; ends with K."""
     sizes = [len(description.shapes), *(len(g.shapes) for g in description.groups)]
     return np.append(np.repeat(np.arange(len(sizes)), sizes), len(sizes) - 1)

@@ -1,8 +1,7 @@
-"""The scene reader: a Mitsuba 3 file, text or dictionary becomes a SceneDescription.
+"""The scene reader: turns a Mitsuba 3 file, text or dictionary into a SceneDescription.
 
-Everything is checked and every default filled in here, so that the renderer behind it
-only meets scenes that it can render. Whatever is wrong or not supported is one
-`SceneError` of one line: where, what was found, what is possible.
+All checks and default values are here, so the renderer only gets scenes that it can render.
+Any error is a `SceneError` with one line: the place, what was found, and what is possible.
 """
 
 from __future__ import annotations
@@ -42,17 +41,17 @@ def read_file(
     Parameters
     ----------
     path
-        The file. What it names is looked for in its own folder (and in those of its
+        The file. Files that it names are searched in its own folder (and in those of its
         `<path>` elements), then in the working directory.
     allow_outside
-        Further folders, in whose trees it may name files (docs/security.md).
+        Additional folders; files in their trees may be read too (docs/security.md).
     **parameters
-        Values for `$name` in the file; they win over its `<default>` elements.
+        Values for `$name` in the file; they take precedence over `<default>` elements.
 
     Raises
     ------
     SceneError
-        If the file, or one that it names, cannot be read or rendered.
+        If the file, or one that it names, cannot be read, or is not supported.
     TypeError
         If `path` is not a path.
     """
@@ -98,8 +97,8 @@ def read_string(
     xml
         The document.
     base_dir
-        Where the files that it names are looked for first; then in the working
-        directory. It is the scene's own folder; without it the working directory is.
+        Folder of the scene; None: the working directory. Files that the document names are
+        searched there, then in the working directory.
     allow_outside, **parameters
         As in `read_file`.
 
@@ -129,9 +128,9 @@ def read_dict(
     base_dir
         As in `read_string`.
     allow_outside
-        As in `read_file`. None allows files anywhere, because the program that passes a
-        dictionary usually wrote its file names. Pass () if the names come from a text of
-        unknown origin.
+        As in `read_file`. None allows files anywhere, since a program that passes a
+        dictionary usually wrote its file names. Pass () if the names are from an untrusted
+        source.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How far away shapes, lights and cameras may be: single precision must square it."""
+"""Limits of coordinates, so that single precision can represent squared distances."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from renderer.scene_file.description import (
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element, Value, Vector
 
-FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
+FARTHEST = 1e18  # largest coordinate: squared distances do not overflow float32
 _PLACING = (
     *("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world"),
     "position",  # of a light
     *("aperture_radius", "focus_distance", "far_clip"),  # the default of the focus
     *("principal_point_offset_x", "principal_point_offset_y"),
 )
-# two factors whose product is too far: one of them is at least this large
+# if a product of two factors is too large, one of them is at least this
 _SUSPECT = 1e9
 
 
@@ -36,33 +36,33 @@ def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> N
     Parameters
     ----------
     corners
-        Coordinates in the world, of points whose boxes hold the primitives of a shape.
+        World space points; the box of each primitive is within their boxes.
     properties
-        Of the shape.
+        Properties of the shape.
 
     Raises
     ------
     SceneError
-        Naming the property that takes it so far.
+        Names the property with the largest number.
     """
     if not all(np.abs(points).max(initial=0.0) < FARTHEST for points in corners):
         _refuse("makes the shape reach", properties)
 
 
 def check_place(described: object, properties: Properties) -> None:
-    """Refuse a light that stands too far away for its distance to be squared.
+    """Refuse a light whose position is too far away to be squared.
 
     Parameters
     ----------
     described
-        The light; of those at infinity a translation means nothing.
+        The light; for one at infinity the translation is ignored.
     properties
-        Of the light.
+        Properties of the light.
 
     Raises
     ------
     SceneError
-        Naming the property that puts it there.
+        Names the property with the largest number.
     """
     match described:
         case PointLight():
@@ -76,26 +76,26 @@ def check_place(described: object, properties: Properties) -> None:
 
 
 def check_camera(camera: Sensor, properties: Properties) -> None:
-    """Refuse a camera whose picture plane reaches too far to be squared.
+    """Refuse a camera whose image plane extends too far to be squared.
 
     Parameters
     ----------
     camera
-        One without perspective has checked itself.
+        The camera; an orthographic one is checked when it is read.
     properties
-        Of the sensor.
+        Properties of the sensor.
 
     Raises
     ------
     SceneError
-        Naming the property that takes it so far.
+        Names the property with the largest number.
     """
     if not isinstance(camera, PerspectiveCamera):
         return
     film, width = camera.film, 2.0 * math.tan(math.radians(camera.fov_x) / 2.0)
     across = width * (1.0 + abs(camera.principal_point_offset_x))
     along = width * film.height / film.width * (1.0 + abs(camera.principal_point_offset_y))
-    reach = 1.0 + across + along  # of the plane at distance 1
+    reach = 1.0 + across + along  # of the image plane at distance 1
     if isinstance(camera, ThinLensCamera):
         reach = max(reach * camera.focus_distance, camera.aperture_radius)
     if not max(reach, float(np.abs(camera.to_world[:3, 3]).max())) < FARTHEST:
@@ -111,7 +111,7 @@ def _refuse(does: str, properties: Properties) -> NoReturn:
 
 
 def _to_blame(element: Element) -> str:
-    """Return the property with the largest number; of a mesh it may be the file."""
+    """Return the property with the largest number; for a mesh it may be the file."""
     sizes = {
         name: _size(element.properties[name].value)
         for name in _PLACING

@@ -1,8 +1,8 @@
-"""SceneDescription: what a scene file says, checked and with every default filled in.
+"""SceneDescription: the contents of a scene file, checked and with all default values.
 
-The reader (this package) writes it, `renderer.scene.scene` turns it into the flat arrays of
-the kernels. All records are plain data. Transforms map local to world coordinates and
-act on column vectors; colours are linear sRGB; angles are degrees, as in the file.
+The reader (this package) creates it; `renderer.scene.scene` turns it into the arrays of the
+kernels. All records are plain data. Transforms map local to world coordinates and act on
+column vectors. Colours are linear sRGB. Angles are in degrees, as in the file.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Location:
-    """Where an element stands, for error messages; `line` is 0 for a dictionary."""
+    """Place of an element, for error messages; `line` is 0 for a dictionary."""
 
     file: str
     line: int
 
     def __str__(self) -> str:
-        """Return `file:line`, the form that editors can jump to."""
+        """Return `file:line`, a form that editors can open."""
         return f"{self.file}:{self.line}" if self.line else self.file
 
 
@@ -44,7 +44,7 @@ NOWHERE = Location("<memory>", 0)
 
 @dataclass(frozen=True)
 class ConstantTexture:
-    """One colour everywhere."""
+    """A constant colour."""
 
     rgb: Rgb
 
@@ -54,13 +54,13 @@ WHITE = ConstantTexture((1.0, 1.0, 1.0))
 
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
-    """An image over (u, v); row 0 of `texels`, the last of the file, is v near 1."""
+    """An image over (u, v); row 0 of `texels`, the last of the file, is at v near 1."""
 
     texels: NDArray[Any]  # (H, W, 1 or 3), finite, uint8, float16 or float32
     filter_type: str = "bilinear"  # or "nearest"
     wrap_mode: str = "repeat"  # or "mirror", "clamp"
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))  # on (u, v, 1)
-    srgb: bool = False  # whether bytes are encoded; the other types are linear
+    srgb: bool = False  # whether bytes are sRGB encoded; other types are linear
 
     @cached_property
     def pixels(self) -> NDArray[np.float32]:
@@ -79,7 +79,7 @@ class CheckerboardTexture:
 
 @dataclass(frozen=True, eq=False)
 class MeshAttributeTexture:
-    """What a mesh has at its vertices ("vertex_..."), or for each face ("face_...")."""
+    """An attribute of a mesh per vertex ("vertex_...") or per face ("face_...")."""
 
     name: str
     scale: float = 1.0
@@ -88,7 +88,7 @@ class MeshAttributeTexture:
 
 @dataclass(frozen=True, eq=False)
 class VolumeTexture:
-    """What a grid of numbers in the world is at the points of a surface."""
+    """A volume in world space, evaluated at the points of a surface."""
 
     volume: GridVolume
     location: Location = NOWHERE
@@ -101,7 +101,7 @@ Texture = (
     | MeshAttributeTexture
     | VolumeTexture
 )
-Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
+Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of an area light
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -109,7 +109,7 @@ Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 @dataclass(frozen=True, eq=False)
 class Diffuse:
-    """Lambert: reflectance / pi on the front side, black on the back."""
+    """Lambertian: reflectance / pi on the front side, black on the back."""
 
     plugin: ClassVar[str] = "diffuse"
     reflectance: Texture = ConstantTexture((0.5, 0.5, 0.5))
@@ -117,7 +117,7 @@ class Diffuse:
 
 @dataclass(frozen=True, eq=False)
 class Dielectric:
-    """Smooth glass; `eta` is the interior over the exterior index of refraction."""
+    """Smooth dielectric; `eta` is the interior over the exterior index of refraction."""
 
     plugin: ClassVar[str] = "dielectric"
     eta: float = 1.5046 / 1.000277
@@ -127,7 +127,7 @@ class Dielectric:
 
 @dataclass(frozen=True, eq=False)
 class Conductor:
-    """Smooth metal, one-sided; `material` "none" is eta 0, k 1: reflects everything."""
+    """Smooth conductor, one-sided; `material` "none" is eta 0, k 1: a perfect mirror."""
 
     plugin: ClassVar[str] = "conductor"
     eta: Texture
@@ -137,14 +137,14 @@ class Conductor:
 
 @dataclass(frozen=True, eq=False)
 class OtherBsdf:
-    """A BSDF of a registered kind; its parameters are attributes, as of other BSDFs."""
+    """A BSDF of a registered kind; its parameters are attributes, as for other BSDFs."""
 
     plugin: str
     values: Mapping[str, Texture | float]
 
     def __getattr__(self, name: str) -> Texture | float:
         """Return a parameter."""
-        try:  # not `self.values`: copying and unpickling get attributes before it exists
+        try:  # not `self.values`: copying and unpickling read attributes before it exists
             return vars(self)["values"][name]
         except KeyError:
             raise AttributeError(name) from None
@@ -152,7 +152,7 @@ class OtherBsdf:
 
 @dataclass(frozen=True, eq=False)
 class ThinDielectric:
-    """A pane of glass, both of its surfaces; `eta` as of `Dielectric`."""
+    """A pane of glass with both its interfaces; `eta` as for `Dielectric`."""
 
     plugin: ClassVar[str] = "thindielectric"
     eta: float = 1.5046 / 1.000277
@@ -162,14 +162,14 @@ class ThinDielectric:
 
 @dataclass(frozen=True, eq=False)
 class Null:
-    """Nothing: light goes straight on."""
+    """Null BSDF: light passes straight through."""
 
     plugin: ClassVar[str] = "null"
 
 
 @dataclass(frozen=True, eq=False)
 class TwoSided:
-    """One BSDF for each side that lets no light through; given once, it serves both."""
+    """A BSDF without transmission for each side; given once, for both sides."""
 
     plugin: ClassVar[str] = "twosided"
     front: Bsdf
@@ -178,7 +178,7 @@ class TwoSided:
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """A BSDF with holes: the share `opacity` of the light meets it, the rest goes on."""
+    """Opacity mask: the nested BSDF times `opacity`, else straight transmission."""
 
     plugin: ClassVar[str] = "mask"
     opacity: Texture
@@ -187,7 +187,7 @@ class Mask:
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """Two BSDFs; `weight` is the share of the second."""
+    """Blend of two BSDFs; `weight` is that of the second."""
 
     plugin: ClassVar[str] = "blendbsdf"
     weight: Texture
@@ -197,7 +197,7 @@ class Blend:
 
 @dataclass(frozen=True, eq=False)
 class NormalMap:
-    """A BSDF that is turned to other normals, given as (1 + n) / 2 in the local frame."""
+    """Normal map: local normals (1 + n) / 2 for the nested BSDF."""
 
     plugin: ClassVar[str] = "normalmap"
     normalmap: Texture
@@ -208,7 +208,7 @@ class NormalMap:
 
 @dataclass(frozen=True, eq=False)
 class BumpMap:
-    """A BSDF that is turned as if the surface were displaced by `scale` times `height`."""
+    """Bump map: the nested BSDF on a surface displaced by `scale` times `height`."""
 
     plugin: ClassVar[str] = "bumpmap"
     height: Texture
@@ -238,19 +238,19 @@ Bsdf = (
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A function of x, y, z: operations in the order in which a stack takes them."""
+    """A function of x, y, z, as a program for a stack machine."""
 
     operations: NDArray[np.int32]  # (n,) see `objects.expressions`
     operands: NDArray[np.float64]  # (n,) value of a constant, exponent of a power
-    text: str  # where it comes from
+    text: str  # its source
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
-    """What all shapes share."""
+    """Fields of all shapes."""
 
     bsdf: Bsdf
-    radiance: Radiance | None = None  # of an area emitter, on the side of the normal
+    radiance: Radiance | None = None  # of an area light, on the side of the normal
     interior: Medium | None = None  # behind the surface; both None: not a boundary
     exterior: Medium | None = None  # on the side of the normal
     id: str = ""
@@ -263,7 +263,7 @@ class Mesh(Shape):
 
     vertices: NDArray[np.float32]  # (V, 3) finite
     faces: NDArray[np.int32]  # (F, 3) in [0, V), no degenerate ones
-    # (V, 3) unit, but in `simplifications.instances`; None: face normals
+    # (V, 3) unit, except in `simplifications.instances`; None: face normals
     normals: NDArray[np.float32] | None = None
     uvs: NDArray[np.float32] | None = None  # (V, 2)
     face_ids: NDArray[np.int32] | None = None  # (F,) index in the file; None: 0..F-1
@@ -306,7 +306,7 @@ class Cylinder(Shape):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Implicit(Shape):
-    """Where a function of local x, y, z is 0, inside of a box; its gradient is outwards."""
+    """Zeros of a function of local x, y, z in a box; its gradient points outwards."""
 
     to_world: NDArray[np.float64]  # (4, 4)
     bounds: NDArray[np.float64]  # (2, 3) lower and upper corner of the box, local
@@ -316,7 +316,7 @@ class Implicit(Shape):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SdfGrid(Shape):
-    """Where the numbers between the points of a grid in [0, 1]^3 are 0."""
+    """Signed distances on a grid in [0, 1]^3; the surface is where they are 0."""
 
     to_world: NDArray[np.float64]  # (4, 4)
     distances: NDArray[np.float32]  # (z, y, x), at least 2 along each axis, finite
@@ -325,20 +325,20 @@ class SdfGrid(Shape):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Curves(Shape):
-    """Curves in world space, along which a ball of changing radius is swept."""
+    """Curves in world space: a ball of varying radius, swept along control points."""
 
     points: NDArray[np.float32]  # (n, 4) control points x, y, z, radius; radii are >= 0
-    starts: NDArray[np.int64]  # (curves,) ascending: the first point of each
+    starts: NDArray[np.int64]  # (curves,) ascending: first control point of each curve
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearCurve(Curves):
-    """Straight segments between the points, with balls at all of them."""
+    """Straight segments between the control points, with a ball at each point."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BsplineCurve(Curves):
-    """Uniform cubic B-splines of the points and of their radii, open at both ends."""
+    """Uniform cubic B-splines of points and radii, with open ends."""
 
 
 # ---------------------------------------------------- groups and instances
@@ -346,7 +346,7 @@ class BsplineCurve(Curves):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Shapes that are seen through instances only; none of them emits light."""
+    """Shapes that only instances show; none of them is an emitter."""
 
     shapes: tuple[Shape, ...]  # at least one
     id: str = ""
@@ -355,11 +355,11 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A copy of a group, placed in the world."""
+    """A transformed copy of a group."""
 
     group: int  # index in `SceneDescription.groups`
     to_world: NDArray[np.float64]  # (4, 4) of the whole group
-    place: int  # among the scene's shapes and instances in the file, the first is 0
+    place: int  # index among the scene's shapes and instances, in the order of the file
     id: str = ""
     location: Location = NOWHERE
 
@@ -369,7 +369,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class PointLight:
-    """Radiant intensity `intensity` [W/sr] in all directions."""
+    """A point light with radiant intensity `intensity` [W/sr] in all directions."""
 
     position: tuple[float, float, float]  # world
     intensity: Rgb
@@ -377,14 +377,14 @@ class PointLight:
 
 @dataclass(frozen=True, eq=False)
 class SpotLight:
-    """Shines along local +z; full up to `beam_width`, linear in angle to `cutoff_angle`."""
+    """A spot light along local +z; full to `beam_width`, linear in angle to the cutoff."""
 
     to_world: NDArray[np.float64]  # (4, 4) without scale
     intensity: Rgb
     cutoff_angle: float = 20.0  # [deg], half angle
     beam_width: float = 15.0  # [deg], half angle; Mitsuba's default is 3/4 of the cutoff
-    texture: Texture | None = None  # over the square around the cone, times the intensity
-    scale: float = 1.0  # of the file's transform; it means nothing but rounding
+    texture: Texture | None = None  # factor of the intensity, over the square of the cone
+    scale: float = 1.0  # of the file's transform; it only affects rounding
 
 
 @dataclass(frozen=True)
@@ -397,18 +397,18 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class ConstantLight:
-    """The same radiance from every direction, infinitely far away."""
+    """A constant environment: equal radiance from all directions."""
 
     radiance: Rgb
 
 
 @dataclass(frozen=True, eq=False)
 class Projector:
-    """A slide at the origin's z = 1, thrown along local +z; local +x is its left."""
+    """A slide at local z = 1, projected along local +z; local +x is its left."""
 
     plugin: ClassVar[str] = "projector"
     to_world: NDArray[np.float64]  # (4, 4), without scale
-    irradiance: Texture  # of the slide
+    irradiance: Texture  # at the slide
     scale: float
     fov_x: float  # [deg] across the slide's width
     aspect: float  # width over height
@@ -416,13 +416,13 @@ class Projector:
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
-    """Radiance by direction: row 0 is local +y, column (0.5 + i) W shows local +z."""
+    """An environment map: row 0 is local +y, column (0.5 + i) W is local +z."""
 
     plugin: ClassVar[str] = "envmap"
     pixels: NDArray[np.float32]  # (H, W, 3) linear, from the top; at least 3 x 2
     scale: float
     to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
-    mis_compensation: bool = False  # sample only what is above the mean
+    mis_compensation: bool = False  # light samples only for radiance above the mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,13 +436,13 @@ class SunSky:
     sun_scale: float
     sky_scale: float
     sun_aperture: float  # [deg] the whole angle
-    complex_sun: bool  # darker towards its edge
+    complex_sun: bool  # with limb darkening
     to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
 
 
 @dataclass(frozen=True, eq=False)
 class AreaLight:
-    """What shines on the surface of a shape; stands there as its `radiance`."""
+    """An area emitter; the shape stores its radiance."""
 
     radiance: Radiance
 
@@ -463,10 +463,10 @@ Emitter = (
 
 @dataclass(frozen=True)
 class ReconstructionFilter:
-    """`box`, `tent`, `gaussian`, `mitchell`, `catmullrom` or `lanczos` and its numbers."""
+    """`box`, `tent`, `gaussian`, `mitchell`, `catmullrom` or `lanczos`, with parameters."""
 
     name: str = "gaussian"
-    radius: float = 2.0  # [pixels], where the filter ends
+    radius: float = 2.0  # [pixels]
     stddev: float = 0.5  # gaussian
     b: float = 1.0 / 3.0  # mitchell
     c: float = 1.0 / 3.0  # mitchell
@@ -483,13 +483,13 @@ class Film:
     crop_width: int = 768
     crop_height: int = 576
     rfilter: ReconstructionFilter = ReconstructionFilter()
-    sample_border: bool = False  # samples lie beyond the window too, see `border`
+    sample_border: bool = False  # also sample outside of the crop window, see `border`
 
     @property
     def border(self) -> int:
-        """How many pixels beyond the crop window, on each side, samples are taken.
+        """Number of sampled pixels outside of the crop window, on each side.
 
-        As many as the filter reaches over; Mitsuba takes its `RayEpsilon` twice off.
+        The radius of the filter decides; as in Mitsuba, twice `RayEpsilon` is subtracted.
         """
         if not self.sample_border:
             return 0
@@ -509,13 +509,13 @@ class Sampler:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor:
-    """What all sensors share: they look along local +z; local +x points left, +y up."""
+    """Fields of all sensors: they look along local +z; local +x is left, +y is up."""
 
     to_world: NDArray[np.float64]  # (4, 4)
     near_clip: float = 0.01
     far_clip: float = 1e4
-    shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
-    medium: Medium | None = None  # that paths start in
+    shutter_time: float = 0.0  # [s] nothing moves, but if not 0 Mitsuba draws a time
+    medium: Medium | None = None  # the medium of the camera
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -531,7 +531,7 @@ class PerspectiveCamera(Sensor):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ThinLensCamera(PerspectiveCamera):
-    """A camera with a round lens in place of the pinhole, and its plane of focus."""
+    """A camera with a circular lens and a plane of focus."""
 
     aperture_radius: float
     focus_distance: float  # depth, along local z
@@ -539,7 +539,7 @@ class ThinLensCamera(PerspectiveCamera):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OrthographicCamera(Sensor):
-    """Parallel rays; the film's width covers [-1, 1] of local x, its height follows."""
+    """Parallel rays; the film's width covers [-1, 1] of local x."""
 
 
 AOV_KINDS = (
@@ -556,71 +556,71 @@ AOV_KINDS = (
 
 @dataclass(frozen=True)
 class Moments:
-    """First and second moments of samples, in additional channels as `moment` names them.
+    """First and second moments of samples, in additional channels named as by `moment`.
 
-    `name` has the means of X, Y and Z, and `m2_` followed by `name` the means of their
-    squares. Both names have the prefix `within`.
+    Channels with `name` have the means of X, Y and Z; those with `m2_` and `name` the means
+    of their squares. All names have the prefix `within`.
     """
 
-    name: str  # of the integrator inside of `moment`
-    within: str = ""  # "NAME.": an `aov` around, whose child NAME is
-    colors: str = ""  # an `aov` inside, whose child this is: R, G and B under `name.colors`
+    name: str  # of the integrator nested in `moment`
+    within: str = ""  # "NAME." if `moment` is the child NAME of an `aov`, else ""
+    colors: str = ""  # if an `aov` is nested: its child, whose R, G, B are `name.colors`
 
 
 @dataclass(frozen=True)
 class Integrator:
-    """`direct`, `path`, `volpath`, ...; each uses the fields it needs."""
+    """`direct`, `path`, `volpath`, ...; each integrator uses some of the fields."""
 
     name: str = "path"
-    max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
+    max_depth: int = -1  # segments of a path; -1: no limit, 2: direct light only
     rr_depth: int = 5
     hide_emitters: bool = False
-    emitter_samples: int = 1  # direct; 0: BSDF samples alone
-    bsdf_samples: int = 1  # direct; 0 is no multiple importance sampling
-    cutoff: float = 1.0 / 1024.0  # whitted: a ray of less weight than this is dropped
+    emitter_samples: int = 1  # direct; 0: only BSDF samples
+    bsdf_samples: int = 1  # direct; 0: no multiple importance sampling
+    cutoff: float = 1.0 / 1024.0  # whitted: rays with a smaller weight end
     aovs: tuple[tuple[str, str], ...] = ()  # aov: (channel name, one of AOV_KINDS)
-    block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
-    one_pass: bool = True  # false where the file gives samples_per_pass
-    # path and direct, of simplified scenes alone: of the two ways to find light "lights" or
-    # "bsdfs", by sampling lights or BSDFs; and whether paths may be caustics
+    block_size: int = 0  # of Mitsuba, which seeds pixels by it; 0 is its default
+    one_pass: bool = True  # false if the file gives samples_per_pass
+    # path and direct, only in simplified scenes: "lights" or "bsdfs" for only light samples
+    # or only BSDF samples; and whether caustic paths are included
     strategy: str = "both"
     caustics: bool = True
-    nested: Integrator | None = None  # aov: the integrator whose colours come first
-    moments: Moments | None = None  # `moment` stands around it
-    refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
-    # volpathmis, which is volpath but in a replay: densities that weigh a path, 3 or 1
+    nested: Integrator | None = None  # aov: the integrator of the colours
+    moments: Moments | None = None  # set if it is nested in `moment`
+    refusal: str = ""  # why it is not supported, "": it is; another integrator may be used
+    # volpathmis, which is rendered as volpath except in a replay: pdfs per path, 3 or 1
     mis_densities: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class SceneDescription:
-    """A whole scene, in the order of the file."""
+    """A whole scene, with its objects in the order of the file."""
 
     camera: Sensor
     integrator: Integrator
     shapes: tuple[Shape, ...]
-    emitters: tuple[Emitter, ...]  # without the area emitters, which are on their shapes
-    warnings: tuple[str, ...] = ()  # what the log says: degenerate triangles dropped, ...
+    emitters: tuple[Emitter, ...]  # without area emitters, which are in their shapes
+    warnings: tuple[str, ...] = ()  # for the log, such as dropped degenerate triangles
     source: str = "<memory>"
     files: tuple[
         str, ...
-    ] = ()  # everything that was read: the scene, includes, meshes, images
-    groups: tuple[Group, ...] = ()  # those that have instances
+    ] = ()  # all files that were read: the scene, includes, meshes, images
+    groups: tuple[Group, ...] = ()  # only groups that have instances
     instances: tuple[Instance, ...] = ()
-    # of each emitter, how many of `shapes` come before it in the file; (): all of them
+    # for each emitter, the number of `shapes` before it in the file; (): all of them
     emitter_places: tuple[int, ...] = ()
-    # their names once one was taken out, or the rest would be counted anew; (): all there
+    # names of the emitters after one was removed, since names are numbered; (): unchanged
     emitter_names: tuple[str, ...] = ()
     simplified: tuple[str, ...] = ()  # names of the simplifications that were applied
 
     @property
     def has_media(self) -> bool:
-        """Whether light can be absorbed or scattered between surfaces."""
+        """Whether the scene has participating media."""
         bounds = (s.interior or s.exterior for s in self.every_shape)
         return self.camera.medium is not None or any(bounds)
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:
-        """The shapes of the scene, then those of each group: the order of shape ids."""
+        """The shapes of the scene, then those of each group, in the order of shape ids."""
         grouped = chain.from_iterable(group.shapes for group in self.groups)
         return (*self.shapes, *grouped)

@@ -1,9 +1,9 @@
-"""Which files a scene may name: regular ones in the tree below its own folder.
+"""Files that a scene may name: regular files in the tree of its own folder.
 
-A scene from elsewhere can name any file, and the file is opened with the rights of the
-user. This module is the only place where names become paths (docs/security.md). A file
-outside of the folder, by `..`, an absolute path or a symbolic link, is read only if the
-caller has allowed it. Anything but a regular file is refused: a named pipe would block.
+An untrusted scene can name any file, and the file is opened with the user's permissions.
+This module is the only place where names become paths (docs/security.md). A file outside of
+the folder, by `..`, an absolute path or a symbolic link, is read only if the caller allows
+it. Anything but a regular file is refused: a named pipe would block.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from renderer.scene_file.description import Location
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.tree import Element
 
-# Files there are views into the kernel and into processes, not what a scene is made of.
+# These folders have views of the kernel and of processes, and no scene data.
 _NEVER = (Path("/proc"), Path("/sys"))
 
-_LONGEST_NAME = 4096  # characters that a message repeats: of a path its end tells most
+_LONGEST_NAME = 4096  # characters in a message; the end of a path is kept
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
@@ -43,10 +43,10 @@ _KINDS = (
 
 @dataclass(frozen=True)
 class Bounds:
-    """The folders in whose trees all files of a scene must lie, without symbolic links."""
+    """The folders that must contain all files of a scene; symbolic links are resolved."""
 
-    own: Path  # of the scene
-    others: tuple[Path, ...] = ()  # further folders that the caller allows
+    own: Path  # folder of the scene
+    others: tuple[Path, ...] = ()  # additional folders that the caller allows
 
     @classmethod
     def of(cls, own: Path, others: str | Path | Iterable[str | Path] = ()) -> Bounds:
@@ -55,7 +55,7 @@ class Bounds:
         Raises
         ------
         SceneError
-            If one of the others is no folder.
+            If one of the others is not a folder.
         """
         given = [others] if isinstance(others, (str, os.PathLike)) else list(others)
         for folder in given:
@@ -64,16 +64,16 @@ class Bounds:
         return cls(own.resolve(), tuple(Path(folder).resolve() for folder in given))
 
     def check(self, path: Path, what: str) -> None:
-        """Refuse a path that leads outside.
+        """Refuse a path outside of the folders.
 
         Raises
         ------
         NotAllowed
-            Saying where it leads, and how to allow it.
+            Tells where the path leads, and how to allow it.
         """
         try:
             real = path.resolve()
-        except (OSError, RuntimeError) as error:  # a circle of symbolic links
+        except (OSError, RuntimeError) as error:  # a cycle of symbolic links
             raise SceneError(f"{what}: {error}") from None
         if any(real.is_relative_to(folder) for folder in _NEVER):
             raise NotAllowed(f"{what} is {real}, which no scene may read")
@@ -100,7 +100,7 @@ def find(
     where = f"{location}: {what} {quoted(name, _LONGEST_NAME)}"
     try:
         path = next((f / name for f in folders if name and (f / name).exists()), None)
-    except (OSError, ValueError) as error:  # a name too long, a zero byte
+    except (OSError, ValueError) as error:  # too long a name, or a zero byte in it
         raise SceneError(f"{where}: {error}") from None
     if path is None:
         looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
@@ -111,9 +111,9 @@ def find(
 
 
 def _path_like(name: str, folders: list[Path], bounds: Bounds) -> str:
-    """Return "; did you mean ...?" for a path that other systems would take for `name`.
+    """Return "; did you mean ...?" with a path that is equal to `name` on other systems.
 
-    Scenes written on Windows have backslashes in paths, and another case than their files.
+    Scenes written on Windows have backslashes in paths, or other upper and lower case.
     """
     parts = [p for p in name.replace("\\", "/").lower().split("/") if p not in ("", ".")]
     for folder in folders:
@@ -133,12 +133,12 @@ def _path_like(name: str, folders: list[Path], bounds: Bounds) -> str:
 def find_regular_file(
     name: str, folders: list[Path], bounds: Bounds, location: Location, what: str
 ) -> Path:
-    """Return the path of a file that can be read whole: regular, and not too large.
+    """Return the path of a file that can be read whole: regular, and fitting in memory.
 
     Raises
     ------
     SceneError
-        As `find`, and for what is no regular file or has more bytes than there is memory.
+        As `find`; and if it is not a regular file or is larger than the available memory.
     """
     path = find(name, folders, bounds, location, what)
     where = f"{location}: {what} {quoted(name, _LONGEST_NAME)}"
@@ -149,54 +149,54 @@ def find_regular_file(
     if not stat.S_ISREG(status.st_mode):
         kind = next((kind for is_, kind in _KINDS if is_(status.st_mode)), "something else")
         raise NotAllowed(f"{where} is not a file but {kind}; expected a regular file")
-    # what is in it stands in memory as bytes, as numbers, and checked
+    # in memory as bytes, as numbers, and as a copy for checks
     memory.require(3 * status.st_size, where)
     return path
 
 
 # ------------------------------------------------------------------------- read context
-# What one reading of a scene shares: folders to look in, files read, the log.
+# State of one reading of a scene: folders to search, files read, warnings.
 
 T = TypeVar("T")
 
 
 @dataclass(eq=False)
 class Reading:
-    """State of one reading; every reader gets it."""
+    """State of one reading, passed to every reader."""
 
     folders: list[Path]  # searched in this order
-    # what of all paths may be read
+    # folders from which files may be read
     bounds: Bounds = field(default_factory=lambda: Bounds.of(Path.cwd()))
     warnings: list[str] = field(default_factory=list)
     files: dict[str, None] = field(default_factory=dict)  # an ordered set
-    old_version: str = ""  # of a document of Mitsuba 0.x
-    # the shape that an emitter is in, by the id() of the emitter's element
+    old_version: str = ""  # version of a document of Mitsuba 0.x
+    # the shape of an emitter, by the id() of the emitter's element
     owners: dict[int, Element] = field(default_factory=dict)
     _built: dict[int, tuple[Element, Any]] = field(default_factory=dict)
 
     def find_file(self, name: str, location: Location, what: str) -> Path:
-        """Return the path of a file that the scene names, and note that it is read.
+        """Return the path of a file that the scene names, and record it.
 
         Raises
         ------
         SceneError
-            If no folder has it, or it may not be read (`renderer.scene_file.files`).
+            If no folder has it, or it must not be read (`renderer.scene_file.files`).
         """
         path = find_regular_file(name, self.folders, self.bounds, location, what)
         self.files[str(path)] = None
         return path
 
     def warn(self, location: Location, message: str) -> None:
-        """Keep a line for the log."""
+        """Add a warning for the log."""
         self.warnings.append(printable(f"{location}: {message}"))
 
     def read_unused(
         self, element: Element, read: Callable[[Element, Reading], T]
     ) -> T | None:
-        """Read an element that no picture needs, so that its errors show.
+        """Read an element that affects no picture, so that its errors are reported.
 
-        An unsupported plugin is not an error here, since Mitsuba may support it. It is a
-        warning, and None is returned.
+        An unsupported plugin is only a warning, since Mitsuba may support it; the result is
+        then None.
         """
         try:
             return read(element, self)
@@ -205,10 +205,10 @@ class Reading:
             return None
 
     def once(self, element: Element, build: Callable[[], T]) -> T:
-        """Build the record of an element, or return the one of the first time.
+        """Build the record of an element, or return the existing one.
 
-        Many references to one bitmap must load it once; the records are then the same
-        object, by which `renderer.scene.scene` recognizes them.
+        A bitmap that is referenced many times must be loaded once. Its records are then the
+        same object, which `renderer.scene.scene` recognizes.
         """
         if id(element) not in self._built:
             self._built[id(element)] = (element, build())

@@ -1,4 +1,4 @@
-"""Participating media as a scene file describes them: media, volumes, phase functions."""
+"""Participating media in a scene description: media, volumes, phase functions."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class ConstantVolume:
-    """The same colour everywhere; the unit cube under `to_world` is its box."""
+    """A constant colour; its box is the unit cube under `to_world`."""
 
     rgb: Rgb
     to_world: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
 
     @property
     def maximum(self) -> float:
-        """The largest of its numbers."""
+        """The largest value."""
         return max(self.rgb)
 
 
 @dataclass(frozen=True, eq=False)
 class GridVolume:
-    """Numbers at the centres of the cells of a grid over the unit cube."""
+    """Values at the centres of the cells of a grid over the unit cube."""
 
     values: NDArray[np.float32]  # (z, y, x, 1 or 3 channels), finite, at least 0
     to_world: NDArray[np.float64]  # (4, 4) of the unit cube
@@ -35,7 +35,7 @@ class GridVolume:
 
     @property
     def maximum(self) -> float:
-        """The largest of its numbers."""
+        """The largest value."""
         return float(self.values.max())
 
 
@@ -44,14 +44,14 @@ Volume = ConstantVolume | GridVolume
 
 @dataclass(frozen=True)
 class IsotropicPhase:
-    """Every direction is equally likely."""
+    """The isotropic phase function."""
 
     plugin: ClassVar[str] = "isotropic"
 
 
 @dataclass(frozen=True)
 class HenyeyGreenstein:
-    """The phase function of [Henyey1941]; `g` is its mean cosine, above 0 forward."""
+    """Henyey-Greenstein phase function [Henyey1941]; `g` is its mean cosine."""
 
     plugin: ClassVar[str] = "hg"
     g: float = 0.8
@@ -59,14 +59,14 @@ class HenyeyGreenstein:
 
 @dataclass(frozen=True)
 class RayleighPhase:
-    """The phase function of particles much smaller than the wavelength."""
+    """Rayleigh phase function, for particles much smaller than the wavelength."""
 
     plugin: ClassVar[str] = "rayleigh"
 
 
 @dataclass(frozen=True)
 class TabulatedPhase:
-    """Linear between values at equally spaced cosines; the last one is forward."""
+    """Linear interpolation of values at equally spaced cosines; the last is forward."""
 
     plugin: ClassVar[str] = "tabphase"
     values: tuple[float, ...]
@@ -74,10 +74,9 @@ class TabulatedPhase:
 
 @dataclass(frozen=True)
 class BlendedPhase:
-    """Two phase functions; `weight` is the share of the second.
+    """Blend of two phase functions; `weight` is that of the second.
 
-    A weight that is interpolated in a grid, or the luminance of colours, is clamped to
-    [0, 1].
+    A weight from a grid is interpolated, and then clamped to [0, 1].
     """
 
     plugin: ClassVar[str] = "blendphase"
@@ -91,7 +90,7 @@ Phase = IsotropicPhase | HenyeyGreenstein | RayleighPhase | TabulatedPhase | Ble
 
 @dataclass(frozen=True, eq=False)
 class Medium:
-    """What absorbs and scatters light between surfaces.
+    """A participating medium.
 
     The extinction coefficient is `scale` times `sigma_t` [1/length].
     """
@@ -101,6 +100,6 @@ class Medium:
     albedo: Volume
     scale: float = 1.0
     phase: Phase = IsotropicPhase()
-    # These two choose between estimators of the same light in Mitsuba: for a replay.
+    # Mitsuba selects between estimators of the same radiance by these; for a replay.
     sample_emitters: bool = True
     has_spectral_extinction: bool = True

@@ -1,8 +1,8 @@
-"""Numbers as scene files write them: finite decimal floats, integers, booleans.
+"""Numbers in scene files: finite decimal floats, integers, booleans.
 
-Python's own `float` also takes `nan`, `inf`, `1_000` and other scripts' digits; none of
-these may pass. What float32 cannot hold would become infinite in a kernel, so it is
-refused here, where its line is known.
+Python's `float` also accepts `nan`, `inf`, `1_000` and digits of other scripts; these are
+errors here. A value beyond float32 would become infinite in a kernel, so it is refused
+here, where its line is known.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from renderer.scene_file.description import Location
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _INTEGER = re.compile(r"-?[0-9]+")
 LARGEST = 3.4028234663852886e38  # of float32
-_SHOWN = 60  # characters of a bad value that a message repeats
+_SHOWN = 60  # characters of an invalid value in a message
 
 
 def quoted(text: str, longest: int = _SHOWN) -> str:
@@ -25,12 +25,12 @@ def quoted(text: str, longest: int = _SHOWN) -> str:
 
 
 def parse_float(text: str, location: Location, what: str) -> float:
-    """Read one finite number; `what` names it in the message.
+    """Parse one finite number; `what` names it in messages.
 
     Raises
     ------
     SceneError
-        If `text` is not a decimal number, or NaN, infinite, or beyond float32.
+        If `text` is not a decimal number, or is NaN, infinite, or beyond float32.
     """
     stripped = text.strip()
     if not _FLOAT.fullmatch(stripped):
@@ -39,14 +39,14 @@ def parse_float(text: str, location: Location, what: str) -> float:
 
 
 def check_float(value: float, location: Location, what: str) -> float:
-    """Return `value` if float32 can hold it.
+    """Return `value` if it is in the range of float32.
 
     Raises
     ------
     SceneError
         If it is NaN, infinite or too large.
     """
-    if not abs(value) <= LARGEST:  # written so that a NaN is caught too
+    if not abs(value) <= LARGEST:  # written so that NaN fails too
         raise SceneError(
             f"{location}: {what} is {value}; expected a finite number up to {LARGEST:.3g}"
         )
@@ -54,22 +54,22 @@ def check_float(value: float, location: Location, what: str) -> float:
 
 
 def parse_integer(text: str, location: Location, what: str) -> int:
-    """Read one integer that 64 bits hold.
+    """Parse an integer of 64 bits.
 
     Raises
     ------
     SceneError
-        If `text` is anything else; a fraction is no integer.
+        If `text` is anything else, such as a fraction.
     """
     stripped = text.strip()
-    # Checked for length first: Python refuses to convert thousands of digits.
+    # The length is checked first: Python refuses to convert thousands of digits.
     if not _INTEGER.fullmatch(stripped) or len(stripped) > 20:
         raise SceneError(f"{location}: {what} is {quoted(text)}; expected an integer")
     return check_integer(int(stripped), location, what)
 
 
 def check_integer(value: int, location: Location, what: str) -> int:
-    """Return `value` if 64 bits hold it.
+    """Return `value` if it fits into 64 bits.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def check_integer(value: int, location: Location, what: str) -> int:
 
 
 def parse_boolean(text: str, location: Location, what: str) -> bool:
-    """Read `true` or `false`, in any case.
+    """Parse `true` or `false`, in upper or lower case.
 
     Raises
     ------
@@ -103,12 +103,12 @@ def split_list(text: str) -> list[str]:
 def parse_floats(
     text: str, counts: tuple[int, ...], location: Location, what: str
 ) -> tuple[float, ...]:
-    """Read a list of numbers whose length is one of `counts`.
+    """Parse a list of numbers whose length is one of `counts`.
 
     Raises
     ------
     SceneError
-        If the length is another one or an entry is not a finite number.
+        If it has another length, or an entry is not a finite number.
     """
     entries = split_list(text)
     if len(entries) not in counts:

@@ -1,4 +1,4 @@
-"""The plugins that are supported, by what they are for."""
+"""The supported plugins, by tag."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     "medium": ("homogeneous", "heterogeneous"),
     "phase": ("isotropic", "hg", "rayleigh", "tabphase", "blendphase"),
     "volume": ("constvolume", "gridvolume"),
-}  # and what is registered, see `registered_kinds`
-# Objects that Mitsuba has and this renderer has not; the reader says so by their name.
+}  # and the registered ones, see `registered_kinds`
+# Objects of Mitsuba that are not supported; errors name them.
 UNSUPPORTED_TAGS = ("field",)
 TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 
 
-# Kinds that are read by functions of their own files. Those files import this package and
-# hold kernels. They are loaded by name when a scene is read, like any plugin, so that a
-# program that reads no scene does not wait for Numba.
+# Kinds that functions in their own files read. Those files import this package and contain
+# kernels. They are imported when a scene is read, so that a program that reads no scene
+# does not wait for Numba.
 _REGISTRIES = {
     "bsdf": ("renderer.plugins.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.plugins.lights.registry", "LIGHTS"),
@@ -50,9 +50,9 @@ _REGISTRIES = {
 
 
 def registered_kinds(tag: str) -> Mapping[str, Any]:
-    """Return the kinds of a tag that are read by their own files, by the plugin's name.
+    """Return the kinds of a tag that their own files read, by plugin name.
 
-    Each has `read`, which makes the description from the properties of a file.
+    Each has `read`, which returns the description from the properties of a file.
     """
     if tag not in _REGISTRIES:
         return {}
@@ -67,12 +67,12 @@ def supported_plugins(tag: str) -> tuple[str, ...]:
 
 
 def varying_textures() -> set[str]:
-    """Return the textures that differ from point to point."""
+    """Return the textures that vary over a surface."""
     return set(registered_kinds("texture")) - {"uniform"}
 
 
 def tag_of_plugin(plugin: str) -> str | None:
-    """Return what a plugin is for, None for one that is not supported."""
+    """Return the tag of a plugin, None for an unsupported one."""
     return next((tag for tag in _SUPPORTED if plugin in supported_plugins(tag)), None)
 
 
@@ -92,14 +92,14 @@ def supported_tags() -> tuple[str, ...]:
 #
 # A comparison with another renderer imports the same file in that renderer's process too.
 
-imported: list[str] = []  # the files that were, as absolute paths
-# of each of these: the names that it registers here; Mitsuba's own registers keep no list
+imported: list[str] = []  # absolute paths of imported files
+# the names that each of them registers; Mitsuba's own registry has no list of names
 registered_by: dict[str, tuple[str, ...]] = {}
 
 
 @contextmanager
 def neighbours_importable(path: str) -> Iterator[None]:
-    """Let a plugin file import modules of its folder, as a script can."""
+    """Let a plugin file import modules of its folder, as a script does."""
     folder = str(Path(path).resolve().parent)
     sys.path.insert(0, folder)
     try:
@@ -128,12 +128,12 @@ def import_plugin_file(path: str) -> ModuleType:
     if specification is None or specification.loader is None:
         raise PluginError("expected a Python file of plugins, NAME.py", path)
     module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # dataclasses look up the module that they are in
+    sys.modules[name] = module  # dataclasses look up their module there
     before = dict(registered_kinds("bsdf"))
     try:
         with neighbours_importable(path):
             specification.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # a script that ends itself as well
+    except (Exception, SystemExit) as error:  # also scripts that call sys.exit
         del sys.modules[name]
         raise plugin_error(error, path) from error
     absolute = str(file.resolve())
@@ -147,14 +147,14 @@ def import_plugin_file(path: str) -> ModuleType:
 
 
 def plugin_error(error: BaseException, path: str, what: str = "") -> PluginError:
-    """Return what a user's file has raised, as one line with the place.
+    """Return an exception of a user's file as one line with its place.
 
     Parameters
     ----------
     error
-        Our own complaints keep their words; others are named by their class.
+        Errors of this renderer keep their text; others are named by their class.
     path
-        The plugin file, which is named where no line of a user's is known.
+        The plugin file, named if no line of a user's file is known.
     what
         Such as "register_mitsuba(): ".
     """
@@ -167,7 +167,7 @@ def plugin_error(error: BaseException, path: str, what: str = "") -> PluginError
 
 
 def _similar_name(error: BaseException) -> str:
-    """Return "; did you mean ...?" where a module lacks a name that is like one it has."""
+    """Return "; did you mean ...?" if a module has a name similar to the missing one."""
     for pattern in (
         r"cannot import name '(?P<name>\w+)' from '(?P<module>[\w.]+)'",
         r"module '(?P<module>[\w.]+)' has no attribute '(?P<name>\w+)'",

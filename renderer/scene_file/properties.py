@@ -1,8 +1,7 @@
 """Typed access to the properties of one plugin; a property that is not read is an error.
 
-The code that reads a plugin gets each property by name and type, and ends with `finish`.
-Mitsuba refuses properties that a plugin does not know. The names that were read are
-therefore the possible names, which the message lists.
+A reader gets each property by name and type, and ends with `finish`. As in Mitsuba, unknown
+properties are errors; the names that were read are then listed as the possible ones.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ class Properties:
         at_least: float | None = None,
         at_most: float | None = None,
     ) -> float:
-        """Return a float (an integer will do), within bounds."""
+        """Return a float within bounds; an integer is accepted."""
         property_ = self._take(name)
         if property_ is None:
             return default
@@ -135,7 +134,7 @@ class Properties:
         return property_.value.xyz
 
     def transform(self, name: str) -> NDArray[np.float64]:
-        """Return a (4, 4) affine transform that has an inverse; default the identity."""
+        """Return an invertible (4, 4) affine transform; the default is the identity."""
         matrix = self._matrix(name)
         if (reason := transforms.why_unusable(matrix)) is not None:
             self.fail(
@@ -144,11 +143,11 @@ class Properties:
         return matrix
 
     def uv_transform(self, name: str) -> NDArray[np.float64]:
-        """Return a (3, 3) affine transform of (u, v, 1) that has an inverse."""
+        """Return an invertible (3, 3) affine transform of (u, v, 1)."""
         matrix = self._matrix(name)
         if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
             self.fail(name, "a last row that is not 0 0 0 1", "an affine transform")
-        if matrix[0, 2] or matrix[1, 2]:  # a 3 x 3 <matrix> has a third column, not a shift
+        if matrix[0, 2] or matrix[1, 2]:  # a 3 x 3 <matrix> has no translation
             self.reading.warn(
                 self.element.properties[name].location,
                 f'{self.element}, property "{name}": the third column acts on z, which uv '
@@ -163,7 +162,7 @@ class Properties:
     # --------------------------------------------------------- nested elements
 
     def children(self, tag: str) -> list[tuple[str, Element]]:
-        """Return the nested elements of a kind with their property names, in order."""
+        """Return the nested elements of a tag with their property names, in order."""
         self._asked[f"<{tag}>"] = None
         found = []
         for name, property_ in self.element.properties.items():
@@ -173,7 +172,7 @@ class Properties:
         return found
 
     def child(self, tag: str) -> Element | None:
-        """Return the one nested element of a kind, or None."""
+        """Return the only nested element of a tag, or None."""
         found = self.children(tag)
         if len(found) > 1:
             second = self.element.properties[found[1][0]].location
@@ -181,16 +180,16 @@ class Properties:
         return found[0][1] if found else None
 
     def file(self, what: str, expected: str, read: Callable[[Path], T]) -> T:
-        """Return what `read` makes of the file that the property "filename" names.
+        """Return the result of `read` for the file of the property "filename".
 
         Parameters
         ----------
         what
-            What is in the file, for messages.
+            The content of the file, for messages.
         expected
-            Which files are possible, said where the property is missing.
+            Possible files, for the message if the property is missing.
         read
-            Raises `SceneError` for a file that it cannot use; the scene's line is added.
+            Raises `SceneError` for an invalid file; the location in the scene is added.
         """
         if not self.has("filename"):
             self.fail("filename", "nothing", expected)
@@ -203,7 +202,7 @@ class Properties:
             raise type(error)(f"{location}: {self.element}: {error}") from None
 
     def take(self, name: str) -> Property | None:
-        """Return a property of any kind, for readers that take several, or None."""
+        """Return a property of any type, or None, for readers that accept several types."""
         return self._take(name)
 
     # ------------------------------------------------------------------ the end
@@ -214,7 +213,7 @@ class Properties:
         Raises
         ------
         SceneError
-            Naming the first unknown property and those that the plugin has.
+            Names the first unknown property and the possible ones.
         """
         for name, property_ in self._left.items():
             value = property_.value
@@ -233,7 +232,7 @@ class Properties:
             )
 
     def fail(self, name: str, found: str, expected: str) -> NoReturn:
-        """Raise the error for a property with a value that cannot be.
+        """Raise the error for an invalid value of a property.
 
         Raises
         ------
@@ -291,7 +290,7 @@ class Properties:
 
 
 def _of_plugin_files(element: Element) -> str:
-    """Return the names that a user's plugin files have registered, for an unknown name."""
+    """Return the names that plugin files have registered, for an unknown plugin."""
     if element.tag != "bsdf":
         return ""
     files = [

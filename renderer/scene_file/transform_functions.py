@@ -24,15 +24,15 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike) -> Matrix:
     Parameters
     ----------
     origin, target : 3 numbers
-        Where the camera is, and the point that it looks at, which lies on its +z axis.
+        Position of the camera, and a point on its +z axis.
     up : 3 numbers
-        Its +y axis points as near to this direction, of any length, as it can; its +x axis
+        Direction of any length; the +y axis is as near to it as possible, and the +x axis
         points to the left.
 
     Returns
     -------
     float64 (4, 4)
-        A rotation and a shift: the frame is right-handed and its axes have length 1.
+        A rotation and translation: the frame is right-handed and its axes have length 1.
 
     Raises
     ------
@@ -74,10 +74,10 @@ def rotate(axis: ArrayLike, angle: float) -> Matrix:
     Parameters
     ----------
     axis : 3 numbers
-        Of length 1. As in Mitsuba it is used as it comes: any other length distorts, which
-        the logger "renderer" says as a warning.
+        Of length 1. As in Mitsuba it is not normalised: any other length distorts, which
+        is logged as a warning by the logger "renderer".
     angle : float
-        [degrees], counter-clockwise as seen from the axis's tip towards the origin.
+        [degrees], counter-clockwise, looking from the axis's tip to the origin.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _numbers(function: str, name: str, value: ArrayLike, possible: str) -> np.nd
     """Return an argument as a float64 array of finite numbers, of any shape."""
     try:
         given = np.asarray(value)
-        # a text is no number, though NumPy would read "1"
+        # a string is not a number, although NumPy would convert "1"
         if given.dtype.kind in "iuf" or given.dtype == object:
             numbers = given.astype(np.float64)
             if np.isfinite(numbers).all():

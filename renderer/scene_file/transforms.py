@@ -1,6 +1,6 @@
 """Transforms of the scene file as 4x4 matrices that act on column vectors.
 
-`<transform>` lists its steps in the order in which they are applied, so each new step is
+The steps of `<transform>` are in the order of their application, so each new step is
 multiplied from the left.
 """
 
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
-_SMALLEST = 1e-38  # of a column's length: the largest float32 is 3.4e38
-_SINGULAR = 1e-12  # of |det| against the product of the column lengths
-_UNIT = 1e-2  # an axis like "0.577 0.577 0.577" is meant to have length 1
+_SMALLEST = 1e-38  # smallest length of a column: the largest float32 is 3.4e38
+_SINGULAR = 1e-12  # smallest |det|, relative to the product of the column lengths
+_UNIT = 1e-2  # tolerance of an axis's length, for axes like "0.577 0.577 0.577"
 
 
 def translate(x: float, y: float, z: float) -> Matrix:
@@ -37,8 +37,8 @@ def rotate(axis: Sequence[float], degrees: float) -> Matrix:
     Parameters
     ----------
     axis
-        Of length 1. It is used as it comes, and any other length gives no rotation:
-        so does Mitsuba, and the same file must mean the same scene.
+        Of length 1. It is not normalised, and any other length gives no rotation, as in
+        Mitsuba.
     """
     vector = np.asarray(axis, dtype=np.float64)
     angle = math.radians(degrees)
@@ -54,7 +54,7 @@ def rotate(axis: Sequence[float], degrees: float) -> Matrix:
 
 
 def why_distorting(axis: Sequence[float]) -> str | None:
-    """Return what a rotation about this axis does in addition to rotating, or None."""
+    """Return the effect of a rotation's axis without unit length, or None."""
     length = math.hypot(*axis)
     if abs(length - 1.0) <= _UNIT:
         return None
@@ -75,7 +75,7 @@ def look_at(
     Parameters
     ----------
     up
-        None for any direction that is not parallel (Mitsuba does not say which).
+        None: any direction that is not parallel to the view (Mitsuba does not specify it).
     """
     with np.errstate(all="ignore"):
         position = np.asarray(origin, dtype=np.float64)
@@ -124,12 +124,12 @@ def z_to(direction: Sequence[float]) -> Matrix:
 
 
 def place_points(matrix: Matrix, points: NDArray[Any]) -> NDArray[np.float32]:
-    """Return points (n, 3) under an affine transform, as Mitsuba rounds them.
+    """Return points (n, 3) under an affine transform, rounded as in Mitsuba.
 
-    In single precision, with multiplications and additions rounded together; products are
-    exact in float64. All 7951 vertices of the meshes in scenes/ came out bit by bit;
-    in float64 throughout 2005 did. A replay needs them where the sign of a rounding error
-    decides something, such as the frame on a wall.
+    Mitsuba uses single precision with fused multiply-adds; products are exact in float64.
+    All 7951 vertices of the meshes in scenes/ are equal bit by bit; in float64 throughout
+    2005 are. A replay needs them where the sign of a rounding error decides something, such
+    as the frame on a wall.
     """
     columns = np.asarray(matrix, np.float64).astype(np.float32)[:3].T
     x, y, z = np.asarray(points).astype(np.float32).T[:, :, None]
@@ -140,12 +140,12 @@ def place_points(matrix: Matrix, points: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def place_normals(matrix: Matrix, normals: NDArray[Any]) -> NDArray[np.float32]:
-    """Return unit normals (n, 3) under an affine transform, as Mitsuba rounds them.
+    """Return unit normals (n, 3) under an affine transform, rounded as in Mitsuba.
 
-    By the inverse transpose, which is inverted in double precision and rounded once;
-    squares are summed as four lanes are, x and z first. Those that the files of
-    scenes/ give came out bit by bit; in float64 throughout 2 of 5 components did not. Where
-    a transform is extreme, squares may leave the range of single precision: NaN or 0.
+    The inverse transpose is computed in double precision and rounded once. Squares are
+    summed as in four lanes, x and z first. The normals in files of scenes/ are equal bit by
+    bit; in float64 throughout 2 of 5 components are not. For extreme transforms squares may
+    overflow or underflow single precision: NaN or 0.
     """
     with np.errstate(over="ignore"):
         columns = np.linalg.inv(matrix[:3, :3]).astype(np.float32)  # of the transpose
@@ -158,7 +158,7 @@ def place_normals(matrix: Matrix, normals: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _multiply_add(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[np.float32]:
-    """Return a b + c of float32, rounded once (but for ties, as it goes by float64)."""
+    """Return a b + c in float32, rounded once (except ties: it is computed in float64)."""
     return (np.multiply(a, b, dtype=np.float64) + c).astype(np.float32)
 
 
@@ -182,7 +182,7 @@ def why_unusable(matrix: Matrix) -> str | None:
 
 
 def is_singular(linear: NDArray[np.float64]) -> bool:
-    """Tell whether a square matrix flattens space, whatever its scale."""
+    """Return whether a square matrix is singular, independent of its scale."""
     lengths = np.linalg.norm(linear, axis=0)
     if not (lengths > 0.0).all():
         return True
@@ -190,23 +190,23 @@ def is_singular(linear: NDArray[np.float64]) -> bool:
 
 
 def uv_part(matrix: Matrix) -> NDArray[np.float64]:
-    """Return the (3, 3) transform of (u, v, 1): what a (4, 4) one does to x and y."""
+    """Return the (3, 3) transform of (u, v, 1) from the x and y of a (4, 4) one."""
     rows = np.ix_((0, 1, 3), (0, 1, 3))
     return np.ascontiguousarray(matrix[rows])
 
 
 def column_lengths(matrix: Matrix) -> NDArray[np.float64]:
-    """Return how much the three axes are stretched."""
+    """Return the scale factors along the three axes."""
     lengths: NDArray[np.float64] = np.linalg.norm(matrix[:3, :3], axis=0)
     return lengths
 
 
 def has_shear(matrix: Matrix, tolerance: float = 1e-4) -> bool:
-    """Tell whether the images of the axes are not perpendicular to each other."""
+    """Return whether the transformed axes are not perpendicular to each other."""
     unit = matrix[:3, :3] / column_lengths(matrix)
     return bool(np.abs(unit.T @ unit - np.eye(3)).max() > tolerance)
 
 
 def mirrors(matrix: Matrix) -> bool:
-    """Tell whether right-handed frames become left-handed."""
+    """Return whether right-handed frames become left-handed."""
     return bool(np.linalg.det(matrix[:3, :3]) < 0.0)

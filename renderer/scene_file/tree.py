@@ -1,8 +1,8 @@
-"""The plain tree that XML files and dictionaries become before anything is interpreted.
+"""The tree of elements that XML files and dictionaries are converted to.
 
-An element is a plugin to be: `<bsdf type="diffuse">` with its properties, in the order
-of the file. Numbers are already numbers and transforms matrices; what a property *means*
-is decided later, by the reader of the plugin (`properties.Properties`).
+An element is a plugin, such as `<bsdf type="diffuse">`, with its properties in the order of
+the file. Numbers are already numbers and transforms matrices. The reader of the plugin
+(`properties.Properties`) interprets them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from renderer.scene_file.images.image import Image
 
 @dataclass(frozen=True)
 class Vector:
-    """The value of `<point>` or `<vector>`; Mitsuba takes either for the other."""
+    """The value of `<point>` or `<vector>`, which are interchangeable as in Mitsuba."""
 
     xyz: tuple[float, float, float]
 
@@ -35,7 +35,7 @@ class RgbValue:
 
 @dataclass(frozen=True)
 class SpectrumValue:
-    """The value of `<spectrum>`: one number, or a list over wavelengths in nm."""
+    """The value of `<spectrum>`: one number, or values over wavelengths [nm]."""
 
     values: tuple[float, ...]
     wavelengths: tuple[float, ...] = ()  # ascending, as many as values; empty: uniform
@@ -43,28 +43,28 @@ class SpectrumValue:
 
 @dataclass(frozen=True)
 class Function:
-    """A Python function, which only a dictionary can hold."""
+    """A Python function; only in dictionaries."""
 
     call: Callable[..., Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Tensor:
-    """An array of numbers that is no transform and no image; of dictionaries alone."""
+    """An array of numbers that is neither transform nor image; only in dictionaries."""
 
     values: NDArray[np.generic]
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The value of `<ref>`, until `references.resolve` puts the element in its place."""
+    """The value of `<ref>`, until `references.resolve` replaces it by the element."""
 
     id: str
 
 
 @dataclass(eq=False)
 class Element:
-    """One plugin: its tag (what it is for), type and properties."""
+    """One plugin: its tag, type and properties."""
 
     tag: str  # "shape", "bsdf", "texture", ...; a <spectrum type=..> is a "texture"
     plugin: str  # the type attribute
@@ -77,7 +77,7 @@ class Element:
         return self.plugin if self.tag == "scene" else f'{self.tag} "{self.plugin}"'
 
     def name_of(self, key: str) -> str:
-        """Return the name that Mitsuba has for a property; it numbers those without."""
+        """Return Mitsuba's name of a property; it numbers unnamed ones."""
         if not key.startswith(UNNAMED):
             return key
         unnamed = [name for name in self.properties if name.startswith(UNNAMED)]
@@ -89,7 +89,7 @@ class Element:
         Raises
         ------
         SceneError
-            If there is a property of that name already.
+            If a property of that name exists.
         """
         if not name:
             name = f"{UNNAMED}{len(self.properties)}"
@@ -101,7 +101,7 @@ class Element:
         self.properties[name] = Property(name, value, location)
 
 
-UNNAMED = "#"  # cannot clash: it is no character of a property name that anyone uses
+UNNAMED = "#"  # no conflict: the character does not occur in property names
 
 Value = (
     bool
@@ -116,13 +116,13 @@ Value = (
     | Reference
     | Element
     | NDArray[np.float64]
-    | Image  # of dictionaries
+    | Image  # only in dictionaries
 )
 
 
 @dataclass(eq=False)
 class Property:
-    """A named value of an element."""
+    """A property of an element."""
 
     name: str
     value: Value
@@ -130,14 +130,14 @@ class Property:
 
     @property
     def kind(self) -> str:
-        """The word that the file format has for this kind of value."""
+        """The name of this type of value in the file format."""
         if isinstance(self.value, Element):
             return self.value.tag
         return next(word for kind, word in _KINDS if isinstance(self.value, kind))
 
 
 _KINDS: tuple[tuple[type, str], ...] = (
-    (bool, "boolean"),  # before int, its base class
+    (bool, "boolean"),  # before its base class int
     (int, "integer"),
     (float, "float"),
     (str, "string"),
@@ -154,7 +154,7 @@ _KINDS: tuple[tuple[type, str], ...] = (
 
 @dataclass(eq=False)
 class Tree:
-    """A root element, and every element that has an id, for references."""
+    """A root element, and all elements with an id, for references."""
 
     root: Element
     elements: dict[str, Element]

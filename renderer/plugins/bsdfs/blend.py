@@ -1,9 +1,9 @@
-"""Two BSDFs in one: f = (1 - w) f_1 + w f_2, one of the two chosen to sample.
+"""Blend of two BSDFs: f = (1 - w) f_1 + w f_2; one of the two is sampled.
 
-The density is that of both, whichever was chosen. A delta lobe counts with its probability
-where its density would stand: blended with a smooth BSDF, its direction has the weight
-w p_2 f / (w p_2 + (1 - w) pdf_1), where a number is added to a density, so that mirrors
-lose some of their light. On paper the mixture is brighter; the picture is Mitsuba's.
+The pdf is that of the mixture. As in Mitsuba, a delta lobe enters it with its probability
+in place of a pdf: blended with a smooth BSDF, its direction has the weight
+w p_2 f / (w p_2 + (1 - w) pdf_1). This adds a probability to a pdf, so delta lobes lose
+energy. The exact mixture is brighter.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def read(properties: Any) -> Description:
 
 @kernel
 def sample(blend, wo, numbers):
-    """Choose one of the two, and of it a direction, for which the other counts too."""
+    """Sample one of the two BSDFs; the weight includes f and pdf of the other."""
     w, choice = in_unit_interval(blend.weight), numbers.choice
     other = 1.0 - w
     second = (choice <= w) & (w > 0.0)
@@ -82,7 +82,7 @@ def eval_pdf(blend, wo, wi):
 
 @kernel
 def albedo(blend, wo):
-    """Return that of the mixture."""
+    """Return the albedo of the mixture."""
     w = in_unit_interval(blend.weight)
     first, second = albedo_of(blend.first, wo), albedo_of(blend.second, wo)
     return first * (1.0 - w) + second * w
@@ -90,7 +90,7 @@ def albedo(blend, wo):
 
 @kernel
 def eval_straight(blend, wo):
-    """Return that of the mixture."""
+    """Return the straight transmittance of the mixture."""
     w = in_unit_interval(blend.weight)
     first, second = straight_through(blend.first, wo), straight_through(blend.second, wo)
     return first * (1.0 - w) + second * w

@@ -1,7 +1,7 @@
-"""Bumps from an image: the BSDF inside is turned as on a displaced surface [Blinn1978].
+"""Bump map: the nested BSDF is evaluated in the frame of a displaced surface [Blinn1978].
 
-The surface p + h(u, v) n has, but for terms that are small with h, the derivatives
-dp/du + n dh/du and dp/dv + n dh/dv; its normal is their cross product.
+To first order in h, the surface p + h(u, v) n has the derivatives dp/du + n dh/du and
+dp/dv + n dh/dv; its normal is their cross product.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from renderer.scene_file.description import BumpMap as Description
 from renderer.scene_file.objects.objects import read_nested, read_texture
 
 _ALONG = np.float32(1e-12)
-"""Squared sine of an angle below which rounding decides what is across a direction."""
+"""Squared sine of an angle below which rounding determines the perpendicular part."""
 
 
 class Bumped(NamedTuple):
@@ -55,7 +55,7 @@ class Bumped(NamedTuple):
 
     height: Gradient  # of h by u and v, without `scale`
     scale: Float
-    flip_invalid_normals: Float  # as of a normal map
+    flip_invalid_normals: Float  # as in a normal map
     use_shadowing_function: Float
     derivatives: Derivatives
     shading_normal: ShadingNormal
@@ -74,7 +74,7 @@ def read(properties: Any) -> Description:
     name = textures[0][0]
     height = read_texture(properties, name, 0.0, Use.NUMBER)
     if isinstance(height, ConstantTexture):
-        height = ConstantTexture((0.0, 0.0, 0.0))  # which is its slope
+        height = ConstantTexture((0.0, 0.0, 0.0))  # the slope of a constant texture
     elif not isinstance(height, BitmapTexture):
         properties.fail(name, "a texture without a slope", "a bitmap")
     scale = properties.number("scale", 1.0, at_least=-1e9, at_most=1e9)
@@ -87,10 +87,10 @@ def read(properties: Any) -> Description:
 @turned_frame.by(Bumped)
 @kernel
 def _turned_frame(bumped, wo):
-    """Return the frame around the normal of the displaced surface, in the local one.
+    """Return the local frame around the normal of the displaced surface.
 
-    Mitsuba takes dp/du in the world and that normal in the local frame for the x axis,
-    which only BSDFs with a direction along the surface can tell; so it is done here.
+    As in Mitsuba, its x axis is computed from dp/du in world space and this normal in local
+    space. Only anisotropic BSDFs depend on that.
     """
     n, (dp_du, dp_dv) = bumped.shading_normal, bumped.derivatives
     by_u, by_v = bumped.height[0] * bumped.scale, bumped.height[1] * bumped.scale
@@ -105,10 +105,10 @@ def _turned_frame(bumped, wo):
     s = normalize(select3(there, across, s))
     local = vec3(dot(displaced, s), dot(displaced, cross(n, s)), dot(displaced, n))
     none, one = splat_f32(0.0), splat_f32(1.0)
-    # without u and v nothing is displaced; what the products leave is rounding
+    # without u and v there is no displacement; the products leave only rounding errors
     some = there & (dot(local, local) > 0.0)
     local = facing(bumped, wo, select3(some, normalize(local), vec3(none, none, one)))
-    # dp/du of the world may be along that normal: flat bumps, u along z
+    # dp/du in world space may be parallel to that normal: flat bumps, u along z
     x = normalize(select3(there, dp_du, s))
     rest = x - local * dot(local, x)
     other, _ = orthonormal_basis(local)

@@ -1,4 +1,4 @@
-"""Smooth metal: mirror reflection, coloured by Fresnel's equations for a complex index."""
+"""Smooth conductor: specular reflection with the complex Fresnel reflectance."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read(properties: Any) -> Description:
 
 
 def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
-    """Return eta and k: of a material by name, or as the file gives them."""
+    """Return eta and k, for a named material or as given in the file."""
     name = properties.string("material", "none")
     if name != "none" and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
@@ -50,7 +50,7 @@ def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
 
 @kernel
 def reflectance(metal, cos_i):
-    """Return Fresnel's reflectance for each colour."""
+    """Return the Fresnel reflectance for each colour."""
     fresnel = vec3(
         fresnel_conductor(cos_i, metal.eta.x, metal.k.x),
         fresnel_conductor(cos_i, metal.eta.y, metal.k.y),
@@ -61,7 +61,7 @@ def reflectance(metal, cos_i):
 
 @kernel
 def sample(metal, wo, numbers):
-    """Mirror wo at the normal: the angle of incidence is that of exit."""
+    """Mirror wo at the normal."""
     one = splat_f32(1.0)
     wi = vec3(-wo.x, -wo.y, wo.z)
     return BsdfSample(wi, reflectance(metal, wo.z), one, one, splat_i32(DELTA))

@@ -1,4 +1,4 @@
-"""Smooth glass: reflection and refraction, shared out by Fresnel's equations."""
+"""Smooth dielectric: reflection and refraction, weighted by the Fresnel reflectance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def read(properties: Any) -> Description:
     return Description(*read_glass(properties))
 
 
-# Beyond it squares overflow float32, and pictures are NaN, as Mitsuba's are.
+# For a larger index squares overflow float32, and pictures are NaN, as in Mitsuba.
 _LARGEST_INDEX = 1e9
 
 
@@ -44,10 +44,10 @@ def read_glass(properties: Any) -> tuple[float, Texture, Texture]:
 
 
 def read_relative_index(properties: Any, interior: str, *, rough: bool = False) -> float:
-    """Return the index of refraction inside over outside.
+    """Return the index of refraction, inside over outside.
 
-    A rough interface between equal indices is refused: it neither bends nor reflects, and
-    the half vector of two opposite directions does not exist.
+    A rough interface between equal indices is refused: it has no effect, and the half
+    vector of two opposite directions does not exist.
     """
     inside = _index(properties, "int_ior", interior)
     outside = _index(properties, "ext_ior", "air")
@@ -85,10 +85,10 @@ def _index(properties: Any, name: str, default: str) -> float:
 
 @kernel
 def sample(glass, wo, numbers):
-    """Reflect or refract, at random in proportion to the Fresnel reflectance."""
+    """Sample reflection or refraction by the Fresnel reflectance."""
     fresnel, cos_t, crossing = fresnel_dielectric(wo.z, glass.eta)
     reflected = numbers.choice < fresnel
-    # radiance is squeezed by eta^2 where the light comes from a denser medium
+    # radiance scales by 1 / eta^2 of the crossing from wo's side to wi's
     squeeze = 1.0 / (crossing * crossing)
     weight = select3(
         reflected, glass.specular_reflectance, glass.specular_transmittance * squeeze

@@ -1,4 +1,4 @@
-"""Diffuse reflection (Lambert): f = k_d / pi, the same in all directions."""
+"""Diffuse (Lambertian) BSDF: f = k_d / pi."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def read(properties: Any) -> Description:
 
 @kernel
 def eval_pdf(diffuse, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     cos_i = select(wi.z > 0.0, wi.z, 0.0)
     return diffuse.reflectance * (INV_PI * cos_i), INV_PI * cos_i
 
 
 @kernel
 def sample(diffuse, wo, numbers):
-    """Choose a direction by its cosine: f cos / pdf is k_d exactly."""
+    """Sample a direction by its cosine: f cos / pdf is exactly k_d."""
     wi = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
     cos_i = select(wi.z > 0.0, wi.z, 0.0)
     return BsdfSample(wi, diffuse.reflectance, INV_PI * cos_i, splat_f32(1.0))

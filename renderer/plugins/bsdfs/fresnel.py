@@ -1,4 +1,4 @@
-"""Fresnel's equations: how much a smooth interface reflects."""
+"""Fresnel equations: the reflectance of a smooth interface."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from renderer.kernels.lanes.functions import fabs, maximum, select, splat_f32, s
 def fresnel_dielectric(cos_i, eta):
     """Return (reflectance, cosine of the refracted direction, eta of the crossing).
 
-    Parameters are lanes: the cosine between normal and the side that light comes from
-    (negative: from inside) and the index of refraction, inside over outside. The refracted
-    cosine has the sign opposite to cos_i; eta of the crossing is that of the far side over
-    the near side. Beyond the critical angle the reflectance is 1 exactly.
+    Parameters are lanes: the cosine between the normal and wi (negative: from inside) and
+    the index of refraction, inside over outside. The refracted cosine has the sign opposite
+    to cos_i. The eta of the crossing is the index of the far side over that of the near
+    side. Beyond the critical angle the reflectance is exactly 1.
     """
     outside = cos_i >= 0.0
     crossing = select(outside, eta, 1.0 / eta)
@@ -25,7 +25,7 @@ def fresnel_dielectric(cos_i, eta):
     perpendicular = (near - crossing * far) / (near + crossing * far)
     parallel = (crossing * near - far) / (crossing * near + far)
     reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel)
-    # indices that match do not reflect, not even at grazing incidence (0 / 0)
+    # equal indices do not reflect, not even at grazing incidence (0 / 0)
     reflectance = select(crossing == 1.0, splat_f32(0.0), reflectance)
     reflectance = select(total & (crossing != 1.0), splat_f32(1.0), reflectance)
     return reflectance, select(outside, -far, far), crossing
@@ -33,10 +33,10 @@ def fresnel_dielectric(cos_i, eta):
 
 @kernel
 def fresnel_conductor(cos_i, eta, k):
-    """Return the reflectance of a metal with complex index eta + i k, unpolarised.
+    """Return the reflectance of a conductor with index eta + i k for unpolarised light.
 
-    The exact equations for a real first medium, in the squared form that needs no complex
-    numbers: a^2 + b^2 = |n^2 - sin^2|, per colour channel, `cos_i` in [0, 1].
+    The exact equations for a real outside index, in a form without complex numbers:
+    a^2 + b^2 = |n^2 - sin^2|, per colour channel, `cos_i` in [0, 1].
     """
     cos2 = cos_i * cos_i
     sin2 = 1.0 - cos2

@@ -1,8 +1,8 @@
-"""What a kind of BSDF is: its parameters, its formulas, and how stages find these.
+"""What a kind of BSDF consists of: parameters, kernels, and their interfaces.
 
-Formulas are written in the local frame of a surface point: z is the shading normal, wo and
-wi point away from the surface. A kind that only reflects is seen from the side of +z (on a
-two-sided surface the frame is turned); one that transmits has wo.z < 0 inside.
+Kernels work in the local frame of a surface point: z is the shading normal, wo and wi point
+away from the surface. For a kind that only reflects, wo.z >= 0 (on a two-sided surface the
+frame is flipped); for one that transmits, wo.z < 0 inside.
 """
 
 from __future__ import annotations
@@ -29,97 +29,98 @@ from renderer.plugins.bsdfs.parameters import Color as Color
 from renderer.plugins.bsdfs.parameters import Float as Float
 from renderer.plugins.sampling.numbers_and_warps import cosine_direction as cosine_direction
 
-# what lobe a direction was sampled from
-SMOOTH = np.int32(0)  # many directions: diffuse and glossy ones
-DELTA = np.int32(1)  # a single direction, which no light sample meets: mirrors, glass
-STRAIGHT = np.int32(2)  # a single one, straight on, as through a hole
+# kind of lobe that a direction was sampled from
+SMOOTH = np.int32(0)  # diffuse and glossy
+DELTA = np.int32(1)  # specular reflection or refraction: light samples never match it
+STRAIGHT = np.int32(2)  # a delta lobe in the direction -wo, as through a hole
 
 
 class Numbers(NamedTuple):
-    """Random numbers in [0, 1) for one scattering."""
+    """Random numbers in [0, 1) for one BSDF sample."""
 
-    x: Any  # a pair, spread over the samples of a pixel together
+    x: Any  # x and y are a pair, stratified jointly over the samples of a pixel
     y: Any
-    choice: Any  # for choosing between lobes
+    choice: Any  # selects the lobe
     arithmetic: Any  # see `renderer.plugins.sampling.numbers_and_warps`
 
 
 class BsdfSample(NamedTuple):
-    """A direction in which a path goes on, for 16 surface points."""
+    """A BSDF sample for 16 surface points."""
 
     wi: Any  # unit, local
-    weight: Any  # f cos / pdf, or of a delta lobe f / its probability; 0: the path ends
-    pdf: Any  # [1/sr], or of a delta lobe its probability; 0: the path ends
-    eta: Any  # relative index of refraction that was crossed; 1: reflected
-    lobe: Any = None  # `SMOOTH`, `DELTA` or `STRAIGHT`; may be left out if all are smooth
+    weight: Any  # f cos / pdf; for a delta lobe f / its probability; 0: the path ends
+    pdf: Any  # [1/sr]; for a delta lobe its probability; 0: the path ends
+    eta: Any  # relative index of refraction of the crossing; 1: reflected
+    lobe: Any = None  # `SMOOTH`, `DELTA` or `STRAIGHT`; None if all are smooth
 
 
 class Branch(NamedTuple):
-    """A delta lobe as users described it in version 1 (`old_delta_lobes`)."""
+    """A delta lobe in the form of version 1 (`old_delta_lobes`)."""
 
     weight: Any  # RGB
-    share: Any  # of the radiance, by Fresnel
-    cos_t: Any  # z of the new direction: wo.z if it is reflected, of other sign if not
+    share: Any  # its fraction of the radiance, by Fresnel
+    cos_t: Any  # z of the new direction: wo.z for reflection, of opposite sign otherwise
     eta: Any
 
 
 class BsdfMethods(NamedTuple):
-    """The record that the kernels of one kind are given."""
+    """Record that is passed to the kernels of one kind."""
 
-    form: Any  # of the kind's class: None for what each point has, arrays for tables
+    form: Any  # of the kind's class: None for values per point, arrays for tables
     arithmetic: Any
-    both_sides: Any = None  # None: the frame is turned, so that wo.z is never negative
+    both_sides: Any = None  # None: the frame is flipped so that wo.z is never negative
     in_plane: Any = None  # not None: see `BsdfKind.in_plane`
 
 
 @dataclass(frozen=True)
 class BsdfKind:
-    """One kind of BSDF, or one with others inside of it.
+    """One kind of BSDF, or one that contains nested BSDFs.
 
     Parameters
     ----------
     name
-        Of the plugin in scene files.
+        Name of the plugin in scene files.
     parameters
-        A NamedTuple class; its fields are annotated with the classes of
-        `renderer.plugins.bsdfs.parameters` and are named as the properties of the
-        description.
+        A NamedTuple class. Its fields are annotated with the classes of
+        `renderer.plugins.bsdfs.parameters` and have the names of the description's
+        properties.
     read
-        Makes the description from the properties of a file.
+        Function of the properties of a file that returns the description.
     about
         A few words for `--explain`.
     sample
         (parameters, wo, numbers) -> BsdfSample.
     eval_pdf
-        (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes; None: there are none.
+        (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes. None if it has none.
     albedo
-        parameters -> RGB that the AOV shows, or (parameters, wo) -> RGB; None: black.
+        parameters, or (parameters, wo) -> RGB for the AOV `albedo`. None: black.
     normal
-        (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
+        (parameters, wo) -> local normal for the AOV `sh_normal`. None: z.
     delta
-        Whether there are lobes of a single direction.
+        Whether it has delta lobes.
     transmits
-        Whether light goes through, so that the back of a surface shows the same BSDF.
+        Whether it transmits light; then the same BSDF is on the back of a surface.
     straight
-        Whether light goes straight through.
+        Whether it transmits light in the direction -wo (a delta lobe).
     eval_straight
-        (parameters, wo) -> RGB that shadow rays in media carry straight through; None:
-        black, as `eval_null_transmission` of the same plugin in Mitsuba.
+        (parameters, wo) -> RGB transmittance of shadow rays in media. None: black, as
+        `eval_null_transmission` of the same plugin in Mitsuba.
     oriented
-        Whether x and y of the local frame matter: x is along dp/du then.
+        Whether it depends on x and y of the local frame: x is then along dp/du.
     opaque
-        Whether what is inside must let no light through.
+        Whether nested BSDFs must not transmit light.
     source
-        Module and hash of the file that holds the kernels; empty for the renderer's own.
+        Module and hash of the file with the kernels; empty for the renderer's own
+        kinds.
     variants
-        Kinds that `read` may choose in its place; they are no plugins themselves.
+        Kinds that `read` may return in its place; they are not plugins themselves.
     reaches_all
-        BSDF of the description -> whether `sample` goes wherever `eval_pdf` is not 0, and
-        neglects no lobe; None: so it is for all of the kind.
+        BSDF of the description -> whether `sample` covers all directions where
+        `eval_pdf` is not 0, without neglecting a lobe. None: true for all of the kind.
     inside
-        The kinds of the parameters that are annotated `Nested`.
+        Kinds of the nested BSDFs: the parameters annotated `Nested`.
     users_kernels
-        Those that a user has registered, by name; none of the renderer's own kinds.
+        Kernels that a user has registered, by name; empty for the renderer's own kinds.
     """
 
     name: str
@@ -144,37 +145,37 @@ class BsdfKind:
 
     @property
     def smooth(self) -> bool:
-        """Whether lights are sampled at its points."""
+        """Whether it has smooth lobes: light samples are taken."""
         return self.eval_pdf is not None
 
     @property
     def seen_albedo(self) -> bool:
-        """Whether the albedo depends on where it is seen from."""
+        """Whether the albedo depends on wo."""
         return self.albedo is not None and self.albedo.py_func.__code__.co_argcount == 2
 
     @property
     def chooses(self) -> bool:
-        """Whether a delta lobe is chosen at random."""
+        """Whether one of several delta lobes is selected at random."""
         return self.delta and (self.smooth or self.transmits or bool(self.inside))
 
     @property
     def in_plane(self) -> bool:
-        """Whether all lobes are mirrored, refracted or straight on.
+        """Whether all lobes are specular reflection, refraction or straight transmission.
 
-        Such a direction lies in the plane of wo and the normal, and its x and y are those
-        of wo times a factor. Then no tangents are needed: computing them took 1.04 to 1.12
-        times the time of a picture with mirrors or glass.
+        Such a direction is in the plane of wo and the normal; its x and y are those of wo
+        times a factor. So no tangents are needed: computing them made pictures with mirrors
+        or glass take 1.04 to 1.12 times as long.
         """
         return self.delta and not (self.smooth or self.inside or self.source)
 
     @property
     def both_sides(self) -> bool:
-        """Whether the kernels tell the sides of a surface apart by themselves."""
+        """Whether the kernels handle both signs of wo.z."""
         return self.transmits or bool(self.inside)
 
     @property
     def leaves(self) -> tuple[BsdfKind, ...]:
-        """The kinds in it that nothing is inside of."""
+        """The innermost kinds: those without nested BSDFs."""
         return tuple(k for one in self.inside for k in one.leaves) or (self,)
 
     @property
@@ -184,7 +185,7 @@ class BsdfKind:
         return tuple(name for name, annotation in hints if annotation is Nested)
 
     def _fields(self) -> list[tuple[str, int, Any]]:
-        """Return (name, first row, annotation) of all parameters; inside "child.name"."""
+        """Return (name, first row, annotation) of all parameters; nested: "child.name"."""
         fields, at, inside = [], 0, iter(self.inside)
         for name, annotation in hints_of(self.parameters).items():
             if annotation is Nested:
@@ -197,7 +198,7 @@ class BsdfKind:
         return fields
 
     def layout(self) -> list[tuple[str, int, int]]:
-        """Return (name, first row, rows) of the parameters that a file gives each point."""
+        """Return (name, first row, rows) of the parameters with values per point."""
         return [
             (name, first, ROWS[annotation])
             for name, first, annotation in self._fields()
@@ -211,7 +212,7 @@ class BsdfKind:
 
     @property
     def derived(self) -> list[int]:
-        """The first rows of what surfaces give."""
+        """The first rows of parameters that come from the surface point."""
         return [first for _, first, what in self._fields() if what is Derivatives]
 
     @property
@@ -222,12 +223,12 @@ class BsdfKind:
         return rows + sum(kind.row_count for kind in self.inside)
 
     def form(self, tables: dict[str, Any] | None = None, start: str = "") -> Any:
-        """Return the kind's record: arrays of its tables, None for what points have.
+        """Return the kind's record: arrays for its tables, None for values per point.
 
         Parameters
         ----------
         tables
-            By the names of `tables`, which begin with `start`.
+            By the names of `tables` that begin with `start`.
         """
         inside = iter(self.inside)
         return self.parameters(
@@ -242,7 +243,7 @@ class BsdfKind:
 
 @functools.cache
 def around(kind: BsdfKind, inside: tuple[BsdfKind, ...]) -> BsdfKind:
-    """Return a wrapper with what is inside of it: to the stages a kind like any other."""
+    """Return a wrapper with its nested kinds as one kind, treated like any other."""
     return replace(
         kind,
         name=f"{kind.name}({', '.join(one.name for one in inside)})",
@@ -257,36 +258,36 @@ def around(kind: BsdfKind, inside: tuple[BsdfKind, ...]) -> BsdfKind:
     )
 
 
-# ------------------------------------------------------- what the stages call of each kind
+# ------------------------------------------------ interfaces that stages call for BSDFs
 
 
 @interface
 def sample_bsdf(parameters: Any, wo: Any, numbers: Numbers) -> BsdfSample:
-    """Choose the direction in which paths go on."""
+    """Sample the direction wi."""
 
 
 @interface
 def eval_pdf_bsdf(parameters: Any, wo: Any, wi: Any) -> Any:
-    """Return f |cos| and the density [1/sr] of `sample_bsdf` for smooth lobes."""
+    """Return f |cos| and the pdf [1/sr] of `sample_bsdf`, for smooth lobes."""
 
 
 @interface
 def albedo_of(parameters: Any, wo: Any) -> Any:
-    """Return the colour that the AOV `albedo` shows; black where there is none."""
+    """Return the colour for the AOV `albedo`; black if the kind has none."""
 
 
 @interface
 def straight_through(parameters: Any, wo: Any) -> Any:
-    """Return the part of light, RGB, that a shadow ray in a medium carries through."""
+    """Return the RGB transmittance of shadow rays in media."""
 
 
 @interface
 def normal_of(parameters: Any, wo: Any) -> Any:
-    """Return the local normal that the AOV `sh_normal` shows, where it is not z."""
+    """Return the local normal for the AOV `sh_normal`, if it is not z."""
 
 
 def lobe_of(sample: BsdfSample) -> Any:
-    """Return the lobe of a sample; where it is left out, all are smooth."""
+    """Return the lobe of a sample; `SMOOTH` if it is None."""
     raise TypeError("lobe_of can be called inside kernels only")
 
 
@@ -297,22 +298,22 @@ def _lobe_of(sample):
     return lambda sample: splat_i32(SMOOTH)
 
 
-# ------------------------------------------- what BSDFs call of those inside of them
+# ------------------------------------------- interfaces that BSDFs call for nested BSDFs
 
 
 @interface
 def sample_nested(parameters: Any, wo: Any, numbers: Any) -> BsdfSample:
-    """Choose a direction, whatever side wo is on; the sample has its lobe."""
+    """Sample a direction, for any sign of wo.z; the sample has its lobe."""
 
 
 @interface
 def eval_pdf_nested(parameters: Any, wo: Any, wi: Any) -> Any:
-    """Return f |cos| and the density of smooth lobes, whatever sides wo and wi are on."""
+    """Return f |cos| and the pdf of smooth lobes, for any signs of wo.z and wi.z."""
 
 
 @kernel
 def black():
-    """Return no light."""
+    """Return black."""
     none = splat_f32(0.0)
     return vec3(none, none, none)
 
@@ -326,7 +327,7 @@ def _sample(parameters, wo, numbers):
 
 @kernel
 def _sample_in_front(parameters, wo, numbers):
-    """Sample a BSDF that does not transmit; from behind it is black."""
+    """Sample a BSDF that does not transmit; it is black for wo.z <= 0."""
     s, front = sample_bsdf(parameters, wo, numbers), wo.z > 0.0
     return BsdfSample(
         select3(front, s.wi, black()),
@@ -351,7 +352,7 @@ def _no_smooth_lobes(parameters, wo, wi):
 
 @interface
 def _albedo_from_anywhere(parameters: Any) -> Any:
-    """Return the albedo of a kind that looks the same from everywhere."""
+    """Return the albedo of a kind whose albedo does not depend on wo."""
 
 
 @kernel
@@ -370,7 +371,7 @@ def _nothing_straight(parameters, wo):
 
 
 def register_kernels(kind: BsdfKind) -> None:
-    """Let stages and other BSDFs find the kernels of a kind."""
+    """Register the kernels of a kind with the interfaces."""
     cls, wrapper = kind.parameters, bool(kind.nested_fields)
     sample_bsdf.by(cls)(kind.sample)
     eval_pdf = kind.eval_pdf

@@ -1,7 +1,7 @@
-"""A BSDF with holes: the share `opacity` of the light meets it, the rest goes straight on.
+"""Opacity mask: nested BSDF with probability `opacity`, else straight transmission.
 
-Shadow rays take it for a wall, holes and all, as they do in Mitsuba's `path`; but a mask
-around glass alone is a pane (`renderer.scene.panes`).
+Shadow rays treat it as opaque, as in Mitsuba's `path`, except a mask around glass, which
+is a pane (`renderer.scene.panes`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from renderer.scene_file.objects.objects import read_nested, read_scalar_texture
 class Masked(NamedTuple):
     """Its parameters."""
 
-    opacity: Float  # of an image or a number, clamped to [0, 1]
+    opacity: Float  # from an image or a number, clamped to [0, 1]
     nested: Nested
 
 
@@ -49,7 +49,7 @@ def in_unit_interval(x):
 
 @kernel
 def sample(mask, wo, numbers):
-    """Meet what is masked with the probability `opacity`, or go straight on."""
+    """Sample the nested BSDF with probability `opacity`, else straight transmission."""
     opacity, choice = in_unit_interval(mask.opacity), numbers.choice
     met = choice < opacity
     rest = select(met, choice / opacity, choice)
@@ -68,7 +68,7 @@ def sample(mask, wo, numbers):
 
 @kernel
 def eval_pdf(mask, wo, wi):
-    """Return f |cos| and density of what is masked, by its share."""
+    """Return f |cos| and pdf of the nested BSDF, times `opacity`."""
     opacity = in_unit_interval(mask.opacity)
     f_cos, pdf = eval_pdf_nested(mask.nested, wo, wi)
     return f_cos * opacity, pdf * opacity
@@ -76,13 +76,13 @@ def eval_pdf(mask, wo, wi):
 
 @kernel
 def albedo(mask, wo):
-    """Return that of what is masked, as Mitsuba does."""
+    """Return the albedo of the nested BSDF, as in Mitsuba."""
     return albedo_of(mask.nested, wo)
 
 
 @kernel
 def eval_straight(mask, wo):
-    """Return the holes, and what goes straight through what is masked."""
+    """Return the transmittance of the holes and of the nested BSDF."""
     opacity, one = in_unit_interval(mask.opacity), splat_f32(1.0)
     holes = one - opacity
     return straight_through(mask.nested, wo) * opacity + vec3(holes, holes, holes)

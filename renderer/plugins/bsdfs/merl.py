@@ -1,6 +1,6 @@
-"""A measured material: a table of the MERL database, looked up by half vector.
+"""Measured isotropic BSDF: a table of the MERL database by half and difference angles.
 
-Directions are chosen in two ways: by their cosine, and by a half vector whose angle to the
+Two sampling strategies are combined: by the cosine, and by a half vector whose angle to the
 normal follows the table. The table is interpolated linearly in its own coordinates.
 """
 
@@ -33,22 +33,22 @@ _HALF_PI = np.float32(np.pi / 2)
 _PI = np.float32(np.pi)
 _TWO_PI = np.float32(2 * np.pi)
 _QUARTER_PI_INVERSE = np.float32(0.25 / np.pi)
-_BISECTIONS = 12  # find one of 4096 cells
+_BISECTIONS = 12  # enough to find one of 4096 cells
 
 
 class Merl(NamedTuple):
     """Its parameters."""
 
-    theta_h: Float  # counts of cells
+    theta_h: Float  # number of cells; likewise the next two
     theta_d: Float
     phi_d: Float
     share_of_cosine: Float
-    f: Table  # [1/sr], of all cells for red, green, blue
-    cumulated: Table  # theta_h + 1 numbers: the share of the cells of theta_h below
+    f: Table  # [1/sr], all cells for red, then green, then blue
+    cumulated: Table  # theta_h + 1 numbers: cumulative probability of theta_h cells
 
 
 def read(properties: Any) -> OtherBsdf:
-    """Read the properties of a file: the name of another, which holds the measurements."""
+    """Read the properties of a file: a `filename` with the measurements."""
     expected = "the path of a .binary file (MERL)"
     table = properties.file("the measurements", expected, read_merl)
     counts = [float(n) for n in table.f.shape[1:]]
@@ -66,7 +66,7 @@ def read(properties: Any) -> OtherBsdf:
 
 @kernel
 def _cell(table, half, difference, turn):
-    """Return f of cells, given by their numbers."""
+    """Return f of cells by their indices."""
     cells = table.theta_h * table.theta_d * table.phi_d
     cell = (half * table.theta_d + difference) * table.phi_d + turn  # exact below 2^24
     return vec3(
@@ -78,7 +78,7 @@ def _cell(table, half, difference, turn):
 
 @kernel
 def _between(position, count):
-    """Return the cell whose centre lies before a position, and how far behind it is."""
+    """Return the cell whose centre precedes a position, and the offset behind it."""
     before = maximum(minimum(floor(position), count - 2.0), 0.0)
     return before, maximum(minimum(position - before, 1.0), 0.0)
 
@@ -100,8 +100,8 @@ def _over_differences(table, half, difference, t, before, after, t_turn):
 
 @kernel
 def _half_angle(h):
-    """Return theta_h as the table is spaced: 0 at the normal, 1 at the horizon."""
-    theta = arctan2(sqrt(h.x * h.x + h.y * h.y), h.z)  # acos loses the highlight's digits
+    """Return theta_h in the table's spacing: 0 at the normal, 1 at the horizon."""
+    theta = arctan2(sqrt(h.x * h.x + h.y * h.y), h.z)  # acos is inaccurate at the highlight
     return sqrt(theta / _HALF_PI)
 
 
@@ -111,7 +111,7 @@ def _look_up(table, h, wi):
     spaced = _half_angle(h)
     half, t_half = _between(spaced * table.theta_h - 0.5, table.theta_h)
 
-    # wi seen from the half vector: turned by -phi_h about z, by -theta_h about y
+    # wi relative to the half vector: rotated by -phi_h about z, by -theta_h about y
     sine = sqrt(h.x * h.x + h.y * h.y)
     at_pole = sine == 0.0
     c = select(at_pole, 1.0, h.x / sine)
@@ -124,7 +124,7 @@ def _look_up(table, h, wi):
         theta / _HALF_PI * table.theta_d - 0.5, table.theta_d
     )
 
-    # both ways round are the same (reciprocity): phi_d goes to pi, and is periodic
+    # by reciprocity phi_d is periodic in pi
     turned = arctan2(y, x) * INV_PI
     position = select(turned < 0.0, turned + 1.0, turned) * table.phi_d - 0.5
     turn = floor(position)
@@ -141,7 +141,7 @@ def _look_up(table, h, wi):
 
 @kernel
 def _squared_sine_of_half(table, cell):
-    """Return sin^2(theta_h / 2) where a cell begins: what is uniform in solid angle."""
+    """Return sin^2(theta_h / 2) where a cell begins: uniform in solid angle."""
     edge = cell / table.theta_h
     sine, _ = sincos(edge * edge * (0.5 * _HALF_PI))
     return sine * sine
@@ -149,13 +149,13 @@ def _squared_sine_of_half(table, cell):
 
 @kernel
 def _cumulated(table, cell):
-    """Return the probability of all cells of theta_h below one."""
+    """Return the cumulative probability of all theta_h cells below one."""
     return entry_of(table.cumulated, to_i32(cell))
 
 
 @kernel
 def _half_vector_pdf(table, h):
-    """Return the density of half vectors per solid angle."""
+    """Return the pdf of half vectors per solid angle."""
     cell = floor(minimum(_half_angle(h) * table.theta_h, table.theta_h - 1.0))
     share = _cumulated(table, cell + 1.0) - _cumulated(table, cell)
     begin = _squared_sine_of_half(table, cell)
@@ -165,7 +165,7 @@ def _half_vector_pdf(table, h):
 
 @kernel
 def _sample_half_vector(table, x, y):
-    """Choose a half vector: a cell of theta_h by bisection, uniformly inside of it."""
+    """Sample a half vector: a cell of theta_h by bisection, uniform within the cell."""
     low, high = x * 0.0, table.theta_h
     for _ in range(_BISECTIONS):
         middle = floor(0.5 * (low + high))
@@ -183,7 +183,7 @@ def _sample_half_vector(table, x, y):
 
 @kernel
 def eval_pdf(table, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     h = normalize(wo + wi)
     possible = (wi.z > 0.0) & (wo.z > 0.0)
     cos_i = select(possible, wi.z, 0.0)
@@ -197,7 +197,7 @@ def eval_pdf(table, wo, wi):
 
 @kernel
 def sample(table, wo, numbers):
-    """Choose a direction by its cosine or by a half vector."""
+    """Sample a direction by its cosine or by a half vector."""
     h = _sample_half_vector(table, numbers.x, numbers.y)
     diffuse = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
     wi = select3(numbers.choice < table.share_of_cosine, diffuse, reflect(wo, h))
@@ -208,7 +208,7 @@ def sample(table, wo, numbers):
 
 @kernel
 def albedo(table, wo):
-    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(table, wo, vec3(none, none, none + 1.0))
     return _PI * f_cos

@@ -1,10 +1,10 @@
-"""Measured reflectances in the format of the MERL database, read and made ready to sample.
+"""Reader of measured BSDFs in the format of the MERL database, with sampling tables.
 
-A `.binary` file [Matusik2003] holds three integers, the counts of cells in theta_h, theta_d
-and phi_d (90, 90, 180 in the database), and then for red, green and blue one double for
-each cell, phi_d fastest. The angles are those of [Rusinkiewicz1998]: of the half vector to
-the normal, and of a direction to the half vector. Cells of theta_h are squeezed towards the
-highlight: cell k of n begins at (k / n)^2 pi / 2.
+A `.binary` file [Matusik2003] has three integers, the numbers of cells in theta_h, theta_d
+and phi_d (90, 90, 180 in the database), and then for red, green and blue one double per
+cell, phi_d fastest. The angles are those of [Rusinkiewicz1998]: of the half vector to the
+normal, and of a direction to the half vector. Cells of theta_h are denser at the highlight:
+cell k of n begins at (k / n)^2 pi / 2.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from renderer.process.whole_file import write_whole
 
 HEADER = 12  # bytes
 SCALES = np.array([1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0])
-"""What the stored numbers of red, green and blue are multiplied by: the format's own."""
+"""Scale factors of the stored red, green and blue, defined by the format."""
 
 MOST_CELLS = (1 << 24) // 3
-"""Of one table; those of the database have 1.5 million. float32 is exact below 2^24."""
+"""Largest number of cells; the database has 1.5 million. float32 is exact below 2^24."""
 
 _LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTable:
-    """A reflectance measured at all pairs of directions of an isotropic surface."""
+    """An isotropic BSDF, measured for all pairs of directions."""
 
     f: NDArray[np.float32]
     """[1/sr], (3, theta_h, theta_d, phi_d), at the centres of the cells."""
@@ -39,25 +39,25 @@ class MeasuredTable:
     def share_of_half_vectors(self) -> NDArray[np.float64]:
         """Return the probability of each cell of theta_h, for sampling half vectors.
 
-        In proportion to the light of the cell, as it is seen along the normal: the
-        luminance of f, its mean over the directions around a half vector, times the
-        projected solid angle of the directions that are mirrored there.
+        It is proportional to the light reflected by the cell for wo along the normal: the
+        luminance of f, averaged over the directions around a half vector, times the
+        projected solid angle of the reflected directions.
         """
         counts = self.f.shape
         theta_d = (np.arange(counts[2]) + 0.5) / counts[2] * np.pi / 2
         luminance = np.tensordot(_LUMINANCE, self.f, 1).mean(axis=2, dtype=np.float64)
         mean = luminance @ np.sin(2 * theta_d) / np.sin(2 * theta_d).sum()
         light = mean * _shares_by_cosine(counts[1])
-        # cells without light are met too: interpolation reaches into them
+        # dark cells need a positive probability: interpolation reaches into them
         light = light + 1e-3 * light.mean() + np.finfo(float).tiny
         return np.asarray(light / light.sum())
 
     @property
     def share_of_cosine(self) -> float:
-        """Return how often a direction is chosen by its cosine alone.
+        """Return the probability of sampling a direction by its cosine.
 
-        As much as the half vectors of such directions, seen along the normal, look like
-        those of the table: most of the time for a wall, seldom for polished metal.
+        It is the overlap between the half vectors of such directions, for wo along the
+        normal, and those of the table: near 1 for a wall, small for polished metal.
         """
         by_cosine = _shares_by_cosine(self.f.shape[1])
         overlap = np.minimum(by_cosine, self.share_of_half_vectors).sum()
@@ -65,12 +65,12 @@ class MeasuredTable:
 
 
 def edges_of_half_vectors(count: int) -> NDArray[np.float64]:
-    """Return where the cells of theta_h begin and end, in radians, (count + 1,)."""
+    """Return the bounds of the cells of theta_h [rad], (count + 1,)."""
     return np.asarray((np.arange(count + 1) / count) ** 2 * np.pi / 2)
 
 
 def _shares_by_cosine(count: int) -> NDArray[np.float64]:
-    """Return how many half vectors of the normal and directions by cosine are in cells."""
+    """Return cell probabilities of the half vectors of the normal and cosine samples."""
     return np.asarray(
         np.diff(np.sin(2 * np.minimum(edges_of_half_vectors(count), np.pi / 4)) ** 2)
     )
@@ -84,7 +84,7 @@ def read_merl(path: Path) -> MeasuredTable:
     Raises
     ------
     SceneError
-        If it cannot be read, has another size than its header says, or holds infinities.
+        If it cannot be read, its size does not match its header, or it has infinities.
     """
     try:
         size = path.stat().st_size
@@ -95,7 +95,7 @@ def read_merl(path: Path) -> MeasuredTable:
             values = np.frombuffer(file.read(24 * cells), "<f8")
     except OSError as error:
         raise SceneError(f"{path.name}: {error.strerror or error}") from None
-    # what float32 cannot hold becomes infinite; a cast warns of a signalling NaN
+    # values beyond float32 become infinite; the cast warns of a signalling NaN
     with np.errstate(over="ignore", invalid="ignore"):
         f = np.maximum(values.reshape(3, -1) * SCALES[:, None], 0.0).astype(np.float32)
     if not (np.isfinite(values).all() and np.isfinite(f).all()):
@@ -104,7 +104,7 @@ def read_merl(path: Path) -> MeasuredTable:
 
 
 def _cells(path: Path, counts: list[int], size: int) -> int:
-    """Return how many cells the header promises, if the file holds them."""
+    """Return the number of cells in the header, if it matches the size of the file."""
     if len(counts) != 3 or not all(2 <= n <= 4096 for n in counts):
         raise SceneError(
             f"{path.name}: begins with {counts}, no MERL file; expected the counts of "
@@ -130,7 +130,7 @@ def write_merl(path: Path, f: NDArray[np.float64]) -> None:
 def cell_centres(
     counts: tuple[int, int, int],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return theta_h, theta_d and phi_d at the centres of all cells, to be broadcast."""
+    """Return theta_h, theta_d and phi_d [rad] at cell centres, as broadcastable arrays."""
     half, difference, turn = ((np.arange(n) + 0.5) / n for n in counts)
     return (
         half[:, None, None] ** 2 * np.pi / 2,

@@ -1,12 +1,10 @@
-"""Rough surfaces as many small mirrors: how their normals m are distributed.
+"""Microfacet distributions: Beckmann and Trowbridge-Reitz (GGX), anisotropic.
 
-The distributions of Beckmann and of Trowbridge and Reitz (GGX), with a roughness along
-either tangent, shadowing of one direction at a time, and both ways to sample a normal: as
-often as there are such, or as often as wo sees such [Walter2007; Heitz2014]. Which of these
-a BSDF has is a number of each point, not a type: a scene of mixed materials has one kind.
-The branch costs nothing that could be measured (rough metal of GGX: 6.5 ns a direction to
-evaluate, 14 ns to sample, with Beckmann's code or without), and Beckmann's code 0.7 s of
-compiling, once on a machine.
+They have separable shadowing, and two ways to sample a normal: all normals, or the normals
+visible from wo [Walter2007; Heitz2014]. The distribution is a number at each point, not a
+type: a scene of mixed materials has one kind. The branch has no measurable cost (rough
+metal with GGX: 6.5 ns per evaluation and 14 ns per sample, with Beckmann's code or
+without). Beckmann's code takes 0.7 s to compile, once on a machine.
 """
 
 from __future__ import annotations
@@ -23,24 +21,24 @@ from renderer.plugins.sampling.numbers_and_warps import TWO_PI, cosine_direction
 
 PI = np.float32(np.pi)
 _INV_SQRT_PI = np.float32(1.0 / np.sqrt(np.pi))
-_SMOOTHEST = np.float32(1e-4)  # a smaller roughness has no digits left in float32
-_NO_DENSITY = np.float32(1e-20)  # of normals: there is nothing to divide by
-_FLAT2 = np.float32(4 * 2.0**-24)  # squared sine of what is seen along the normal
-_END = np.float32(1e-6)  # random numbers keep this far from 0 and 1
+_SMOOTHEST = np.float32(1e-4)  # a smaller roughness has no accurate digits in float32
+_NO_DENSITY = np.float32(1e-20)  # a smaller density of normals counts as 0
+_FLAT2 = np.float32(4 * 2.0**-24)  # squared sine below which wo counts as the normal
+_END = np.float32(1e-6)  # random numbers are clamped to this distance from 0 and 1
 
 
 class Microfacets(NamedTuple):
     """The distribution at 16 points; directions are local, z is the mean normal."""
 
-    alpha_u: Any  # roughness along x: the root mean square slope times sqrt(2)
+    alpha_u: Any  # roughness along x: sqrt(2) times the root mean square slope
     alpha_v: Any  # and along y
     beckmann: Any  # mask; elsewhere GGX
-    every_normal: Any  # mask: sampled without regard to what wo sees
+    every_normal: Any  # mask: all normals are sampled, not only visible ones
 
 
 @kernel
 def microfacets(rough):
-    """Return the distribution of a record of parameters."""
+    """Return the distribution for a record of parameters."""
     return Microfacets(
         maximum(rough.alpha_u, _SMOOTHEST),
         maximum(rough.alpha_v, _SMOOTHEST),
@@ -51,7 +49,7 @@ def microfacets(rough):
 
 @kernel
 def normal_density(facets, m):
-    """Return D(m): the area of facets with the normal m, per solid angle and area."""
+    """Return D(m): area of facets with normal m per solid angle and macrosurface area."""
     x, y, z2 = m.x / facets.alpha_u, m.y / facets.alpha_v, m.z * m.z
     slope2 = x * x + y * y
     area = PI * facets.alpha_u * facets.alpha_v
@@ -64,7 +62,7 @@ def normal_density(facets, m):
 
 @kernel
 def unshadowed(facets, v, m):
-    """Return G1: the share of facets with the normal m that are seen from v.
+    """Return G1: the fraction of facets with normal m that is visible from v.
 
     Beckmann's by the rational fit of [Walter2007, eq. 27].
     """
@@ -77,12 +75,12 @@ def unshadowed(facets, v, m):
         fit = (3.535 * a + 2.181 * a * a) / (1.0 + 2.276 * a + 2.577 * a * a)
         seen = select(facets.beckmann, select(a >= 1.6, 1.0, fit), seen)
     seen = select(across2 == 0.0, 1.0, seen)
-    return select(dot(v, m) * v.z > 0.0, seen, 0.0)  # the back of a facet is not seen
+    return select(dot(v, m) * v.z > 0.0, seen, 0.0)  # a facet's back is not visible
 
 
 @kernel
 def normal_pdf(facets, wo, m):
-    """Return the density [1/sr] with which `sample_normal` chooses m; wo.z > 0."""
+    """Return the pdf [1/sr] of `sample_normal`; wo.z > 0."""
     density = normal_density(facets, m)
     seen = density * unshadowed(facets, wo, m) * fabs(dot(wo, m)) / wo.z
     return select(facets.every_normal, density * m.z, seen)
@@ -90,7 +88,7 @@ def normal_pdf(facets, wo, m):
 
 @kernel
 def sample_normal(facets, wo, numbers):
-    """Return a facet's normal m, m.z > 0, that is seen from wo; wo.z > 0."""
+    """Sample a microfacet normal m, m.z > 0; wo.z > 0."""
     m = _visible_normal(facets, wo, numbers)
     if mask_bits(facets.every_normal) != 0:
         m = select3(facets.every_normal, _any_normal(facets, numbers), m)
@@ -99,10 +97,10 @@ def sample_normal(facets, wo, numbers):
 
 @kernel
 def _any_normal(facets, numbers):
-    """Sample D(m) m.z [Walter2007, eqs. 28, 29 and 35, 36], an ellipse for two alphas."""
+    """Sample D(m) m.z [Walter2007, eqs. 28, 29 and 35, 36]; elliptic if anisotropic."""
     sine, cosine = sincos(TWO_PI * numbers.y)
     u, v = facets.alpha_u * cosine, facets.alpha_v * sine
-    # as of normals along (cos phi / alpha_u, sin phi / alpha_v), brought back to length 1
+    # azimuth of (cos phi / alpha_u, sin phi / alpha_v), normalised
     stretch = 1.0 / sqrt(u * u + v * v)
     cos_phi, sin_phi = u * stretch, v * stretch
     x, y = cos_phi / facets.alpha_u, sin_phi / facets.alpha_v
@@ -117,7 +115,7 @@ def _any_normal(facets, numbers):
 
 @kernel
 def _visible_normal(facets, wo, numbers):
-    """Sample the normals that wo sees: stretch to alpha 1, sample a slope, squeeze."""
+    """Sample the normals visible from wo: stretch to alpha 1, sample a slope, unstretch."""
     v = normalize(vec3(facets.alpha_u * wo.x, facets.alpha_v * wo.y, wo.z))
     across2 = v.x * v.x + v.y * v.y
     flat = across2 <= _FLAT2
@@ -136,10 +134,10 @@ def _visible_normal(facets, wo, numbers):
 
 @kernel
 def _ggx_slopes(cosine, numbers):
-    """Return slopes along and across wo, seen at a cosine, for alpha 1 [Heitz2018].
+    """Return slopes parallel and perpendicular to wo for alpha 1 [Heitz2018].
 
-    A point of the disk, its upper part squeezed to what wo sees of the hemisphere. Which
-    of its axes is across wo is as in Mitsuba, whose numbers then give its normals.
+    A point of the disk, with its upper part scaled to the projected hemisphere. The
+    assignment of its axes is Mitsuba's, so that equal random numbers give equal normals.
     """
     disk = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
     share = 0.5 * (1.0 + cosine)
@@ -153,10 +151,10 @@ def _ggx_slopes(cosine, numbers):
 
 @kernel
 def _beckmann_slopes(cosine, numbers):
-    """Return slopes along and across wo, seen at a cosine, for alpha 1 [Jakob2014].
+    """Return slopes parallel and perpendicular to wo for alpha 1 [Jakob2014].
 
-    The distribution function of the slope along wo is inverted by Newton's method in the
-    error function of that slope; three steps, as Mitsuba takes.
+    The cumulative distribution of the slope along wo is inverted by Newton's method, in the
+    error function of that slope; three steps, as in Mitsuba.
     """
     tangent = sqrt(maximum(1.0 - cosine * cosine, 0.0)) / cosine
     cotangent = 1.0 / tangent

@@ -1,4 +1,4 @@
-"""The two directions of smooth interfaces: reflection and refraction."""
+"""Directions of specular reflection and refraction."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from renderer.plugins.sampling.numbers_and_warps import AlongU, Plain
 
 @kernel
 def reflect(wo, normal):
-    """Return wo mirrored at the normal: the angle of incidence is that of exit."""
+    """Return wo reflected about the normal."""
     return normal * (2.0 * dot(wo, normal)) - wo
 
 
 @interface
 def refracted(arithmetic: Any, wo: Any, eta: Any, cos_t: Any) -> Any:
-    """Return local wo bent by Snell's law at the plane z = 0.
+    """Return the local wo, refracted by Snell's law at the plane z = 0.
 
-    The index eta is inside (z < 0) over outside; cos_t is the z of what is returned.
+    eta is the index of refraction inside (z < 0) over outside; cos_t is z of the result.
     """
 
 

@@ -1,8 +1,7 @@
-"""Normals from an image: the BSDF inside is turned, the surface stays as it is.
+"""Normal map: the nested BSDF is evaluated in the frame of a perturbed normal.
 
-What leaves or enters below the one horizon and above the other is dropped. Instead of a
-hard edge where a turned surface ends, light fades out by the shadowing of a rough surface
-[Estevez2019].
+Light that is above one horizon and below the other is dropped. To avoid a hard terminator,
+light fades out by the shadowing of a rough surface [Estevez2019].
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import NormalMap as Description
 from renderer.scene_file.objects.objects import read_nested, read_texture
 
-# squared length below which a vector has no direction
+# squared length below which a vector counts as 0
 _NOTHING = np.float32(1e-20)
 
 
@@ -38,7 +37,7 @@ class NormalMapped(NamedTuple):
     """Its parameters."""
 
     normalmap: Color  # (1 + n) / 2
-    flip_invalid_normals: Float  # 1: n is mirrored at z where it is turned away from wo
+    flip_invalid_normals: Float  # 1: n is mirrored at z if it points away from wo
     use_shadowing_function: Float
     nested: Nested
 
@@ -60,22 +59,22 @@ def read(properties: Any) -> Description:
 
 @interface
 def turned_frame(parameters: Any, wo: Any) -> Any:
-    """Return the frame of what is inside, in the local one, and where there is one."""
+    """Return the frame of the nested BSDF in the local one, and the mask of valid ones."""
 
 
 @kernel
 def facing(parameters, wo, normal):
-    """Return a normal, mirrored at z if it must be and may be."""
+    """Return the normal, mirrored at z if it points away from wo and may be flipped."""
     away = (wo.z * dot(wo, normal) <= 0.0) & (parameters.flip_invalid_normals != 0.0)
     return select3(away, vec3(-normal.x, -normal.y, normal.z), normal)
 
 
 @kernel
 def frame_along(normal, x):
-    """Return the frame around a normal whose s is the part of x across it, and where.
+    """Return the frame around a normal with s along x, and the mask of valid frames.
 
-    An image may hold a normal of length 0, or one along x: there Mitsuba divides by 0, and
-    nothing is reflected.
+    An image may contain a normal of length 0, or one along x. There Mitsuba divides by 0,
+    and nothing is reflected.
     """
     none, one = splat_f32(0.0), splat_f32(1.0)
     there = dot(normal, normal) > _NOTHING
@@ -83,7 +82,7 @@ def frame_along(normal, x):
     s = x - normal * dot(normal, x)
     across = dot(s, s) > _NOTHING
     s = normalize(select3(across, s, vec3(none, normal.z, -normal.y)))
-    # once more: where x is nearly along the normal, s is a difference of rounded values
+    # normalise again: if x is nearly along the normal, s has large rounding errors
     s = normalize(s - normal * dot(normal, s))
     return Frame(s, cross(normal, s), normal), there & across
 
@@ -99,7 +98,7 @@ def _turned_frame(mapped, wo):
 
 @kernel
 def _shadowing(parameters, n, wi):
-    """Return what is left of light along wi, given unperturbed [Estevez2019, eq. 3]."""
+    """Return the shadowing factor for the unperturbed wi [Estevez2019, eq. 3]."""
     alpha2 = minimum((1.0 / (n.z * n.z) - 1.0) * 0.125, splat_f32(1.0))
     tan2 = maximum(1.0 / (wi.z * wi.z) - 1.0, splat_f32(0.0))
     left = 2.0 / (1.0 + sqrt(1.0 + maximum(alpha2, splat_f32(0.0)) * tan2))
@@ -108,7 +107,7 @@ def _shadowing(parameters, n, wi):
 
 @kernel
 def sample(turned, wo, numbers):
-    """Sample what is inside in its own frame."""
+    """Sample the nested BSDF in its own frame."""
     frame, there = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
@@ -125,7 +124,7 @@ def sample(turned, wo, numbers):
 
 @kernel
 def eval_pdf(turned, wo, wi):
-    """Return f |cos| and density of what is inside, in its own frame."""
+    """Return f |cos| and pdf of the nested BSDF in its own frame."""
     frame, there = turned_frame(turned, wo)
     inner = to_local(frame, wi)
     f_cos, pdf = eval_pdf_nested(turned.nested, to_local(frame, wo), inner)
@@ -136,14 +135,14 @@ def eval_pdf(turned, wo, wi):
 
 @kernel
 def normal(turned, wo):
-    """Return the normal of what is inside."""
+    """Return the perturbed normal."""
     frame, _ = turned_frame(turned, wo)
     return frame.n
 
 
 @kernel
 def albedo(turned, wo):
-    """Return that of what is inside; Mitsuba does not turn it for this."""
+    """Return the albedo of the nested BSDF; as in Mitsuba, in the unperturbed frame."""
     return albedo_of(turned.nested, wo)
 
 

@@ -1,6 +1,6 @@
-"""A surface that is not there: light goes straight on, and the path is one segment longer.
+"""Null surface: light passes straight through; the path gets one segment longer.
 
-Shadow rays take it for a wall, as they do in Mitsuba's `path`.
+Shadow rays treat it as opaque, as in Mitsuba's `path`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ def read(properties: Any) -> Description:
 
 @kernel
 def sample(null, wo, numbers):
-    """Go straight on."""
+    """Sample the direction -wo."""
     one = splat_f32(1.0)
     return BsdfSample(-wo, vec3(one, one, one), one, one, splat_i32(STRAIGHT))
 
 
 @kernel
 def eval_straight(null, wo):
-    """Let everything through."""
+    """Return the transmittance 1."""
     one = splat_f32(1.0)
     return vec3(one, one, one)
 

@@ -1,8 +1,8 @@
-"""BSDFs of users in the form of version 1: a delta lobe is a sample of density 0.
+"""Users' BSDFs in the form of version 1, where a delta lobe is a sample with pdf 0.
 
-Of its direction only z and eta count, and `reflection` and `transmission` say how much
-light each of two lobes carries. The kernels here make a whole `BsdfSample` of that. They
-are registered for one more version; `docs/adding-a-bsdf.md` has the present form.
+Only z and eta of its direction were used, and `reflection` and `transmission` returned the
+weights of the two lobes. The kernels here convert that to a whole `BsdfSample`. The form is
+supported for one more version; `docs/adding-a-bsdf.md` describes the present one.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ def _sum(color):
 
 @kernel
 def whole_sample(parameters, wo, numbers):
-    """Return the user's sample with direction, probability and lobe of a delta lobe."""
+    """Return the user's sample, with direction, probability and kind of a delta lobe."""
     s = _sample(parameters, wo, numbers)
     smooth = s.pdf > 0.0
     mirrored = (s.wi.z > 0.0) ^ ~(wo.z > 0.0)
     across = select(mirrored, splat_f32(-1.0), -1.0 / s.eta)
     wi = vec3(wo.x * across, wo.y * across, select(mirrored, wo.z, s.wi.z))
-    # the weight is the value over the probability, so that one gives the other
+    # the weight is value / probability, so the probability follows from both
     there, beyond = _reflection(parameters, wo), _transmission(parameters, wo)
     value = select3(mirrored, there.weight * there.share, beyond.weight * beyond.share)
     weight = _sum(s.weight)
@@ -66,7 +66,7 @@ def whole_sample(parameters, wo, numbers):
 def register_old_kernels(
     parameters: type, sample: Any, reflection: Any, transmission: Any
 ) -> None:
-    """Let `whole_sample` find the kernels of a user's kind."""
+    """Register the kernels of a user's kind for `whole_sample`."""
     _sample.by(parameters)(sample)
     _reflection.by(parameters)(reflection)
     _transmission.by(parameters)(transmission or _nothing)

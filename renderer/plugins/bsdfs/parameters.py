@@ -1,7 +1,7 @@
-"""The parameters of BSDFs: how a kind annotates them, and how they are loaded at points.
+"""Parameters of BSDFs: annotations of a kind's fields, and their loading at points.
 
-A kind's parameters are a NamedTuple class. Each field is annotated with one of the classes
-below; `parameters_at` loads the fields for 16 surface points at once.
+The parameters of a kind are a NamedTuple class. Each field is annotated with one of the
+classes below; `parameters_at` loads the fields for 16 surface points at once.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from renderer.kernels.lanes.memory import gather_row, load_row
 from renderer.kernels.lanes.vectors import load3, vec3
 
 
-@functools.cache  # a scene needs those of each BSDF a dozen times, 20 us each
+@functools.cache  # a scene calls this a dozen times for each BSDF, 20 us each
 def hints_of(parameters: type) -> Mapping[str, Any]:
     """Return the annotations of a kind's parameters by name."""
     return MappingProxyType(typing.get_type_hints(parameters))
@@ -37,34 +37,34 @@ class Float:
 
 
 class Table:
-    """Annotation of a parameter: numbers in a row, of each BSDF its own; see `entry_of`."""
+    """Annotation of a parameter: an array of numbers for each BSDF; see `entry_of`."""
 
 
 class Rows(NamedTuple):
-    """What kernels see of a `Table`; in the kind's record `first` is that of each BSDF."""
+    """A `Table` as kernels see it; in the kind's record `first` has one entry per BSDF."""
 
-    numbers: Any  # (1, entries of all BSDFs), one behind the other
-    first: Any  # where those of each point's BSDF begin
+    numbers: Any  # (1, entries of all BSDFs), concatenated
+    first: Any  # index of the first entry of each point's BSDF
 
 
 class Nested:
-    """Annotation of a parameter that is a BSDF itself; as in `mask`."""
+    """Annotation of a parameter that is a nested BSDF, as in `mask`."""
 
 
 class Gradient:
-    """Annotation of a parameter: how a texture's brightness changes with u and v."""
+    """Annotation of a parameter: the derivatives of a texture's luminance by u and v."""
 
 
 class Derivatives:
-    """Annotation of a parameter that the surface gives: dp/du and dp/dv."""
+    """Annotation of a parameter from the surface point: dp/du and dp/dv."""
 
 
 class ShadingNormal:
-    """Annotation of a parameter that the surface gives: its shading normal in the world."""
+    """Annotation of a parameter from the surface point: world space shading normal."""
 
 
 class GeometricNormal:
-    """Annotation of a parameter that the surface gives: its true normal in the world."""
+    """Annotation of a parameter from the surface point: world space geometric normal."""
 
 
 @kernel
@@ -103,7 +103,7 @@ def _geometric_normal(table, points, row, i):
     return load3(points.normal, i)
 
 
-# annotation -> rows that it takes of `points.parameters`, and what loads it from there
+# annotation -> its number of rows of `points.parameters`, and the function that loads them
 _LOADED: dict[Any, tuple[int, Any]] = {
     Color: (3, _color),
     Gradient: (2, _gradient),
@@ -126,7 +126,7 @@ def rows3(rows, first, i):
 
 @kernel
 def entry_of(table, i):
-    """Return entry i of the point's own rows of a `Table`, lane by lane."""
+    """Return entry i of each point's table, lane by lane."""
     return gather_row(table.numbers, 0, table.first + i, i >= 0)
 
 
@@ -142,16 +142,16 @@ def parameters_at(typingctx: Any, form: Any, points: Any, i: Any) -> Any:
 
 
 def _loader(typingctx: Any, form: Any, given: Any, row: int) -> tuple[Any, Any, int]:
-    """Return the type of a record, what generates code that loads it, and the next row.
+    """Return the type of a record, the generator of code that loads it, and the next row.
 
     Parameters
     ----------
     form
         Numba type of the kind's record.
     given
-        Numba types of the points, of a row and of the first point.
+        Numba types of the points, of a row number and of the first point.
     row
-        The first of the record.
+        First row of the record.
     """
     cls = record_class(form)
     assert cls is not None
@@ -180,12 +180,12 @@ def _loader(typingctx: Any, form: Any, given: Any, row: int) -> tuple[Any, Any, 
 def _field_loader(
     typingctx: Any, load: Any, part: Any, given: Any, row: int
 ) -> tuple[Any, Any]:
-    """Return the type of a field, and what generates a call of the kernel that loads it."""
+    """Return the type of a field, and the generator of the call that loads it."""
     function = typingctx.resolve_value_type(load)
     signature = typingctx.resolve_function_type(function, (part, *given), {})
 
     def call(context: Any, builder: Any, value: Any, points: Any, i: Any) -> Any:
-        # in another process the signature is known, and the kernel is not compiled yet
+        # a cached kernel of another process has its signature, but is not compiled here yet
         context.typing_context.resolve_function_type(function, signature.args, {})
         place = ir.Constant(ir.IntType(64), row)
         code = context.get_function(function, signature)

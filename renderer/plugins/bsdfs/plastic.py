@@ -1,8 +1,8 @@
-"""Smooth plastic: a diffuse base under a clear coat, which mirrors by Fresnel's equations.
+"""Smooth plastic: a diffuse base under a dielectric coat with specular reflection.
 
-Light enters through the coat, is scattered by the base, is partly thrown back from within
-the coat, and leaves through it: a geometric series, whose factor is the mean reflectance of
-the coat from inside.
+Light enters through the coat and is scattered by the base. A part is reflected internally
+by the coat, again and again: a geometric series, with the mean internal reflectance of the
+coat as its factor.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Plastic(NamedTuple):
     """Its parameters."""
 
     eta: Float  # index of refraction, inside over outside
-    thrown_back: Float  # mean reflectance of the coat from inside
-    nonlinear: Float  # 1: what is thrown back takes on colour again and again
-    specular_share: Float  # of samples, before Fresnel's factor
+    thrown_back: Float  # mean internal reflectance of the coat
+    nonlinear: Float  # 1: each internal reflection is coloured by the base again
+    specular_share: Float  # probability of specular samples, before Fresnel's factor
     diffuse_reflectance: Color
     specular_reflectance: Color
 
@@ -42,7 +42,7 @@ class Plastic(NamedTuple):
 def read_coated(properties: Any, eta: float) -> dict[str, Any]:
     """Return the parameters that smooth and rough plastic share.
 
-    The mean internal reflectance of the coat (`thrown_back`) is computed by each.
+    The mean internal reflectance (`thrown_back`) is computed by each of them.
     """
     nonlinear = float(properties.boolean("nonlinear", False))
     return {"eta": eta, "nonlinear": nonlinear} | read_reflectances(properties)
@@ -68,10 +68,10 @@ def read(properties: Any) -> OtherBsdf:
 
 
 def diffuse_fresnel(eta: float) -> float:
-    """Return the share of diffuse light that a smooth interface reflects.
+    """Return the mean reflectance of a smooth interface for diffuse light.
 
-    Below 1 by the fit of [Egan1973], otherwise by that of [DEon2011]: polynomials in the
-    index, or in one over it.
+    For eta below 1 the fit of [Egan1973], otherwise that of [DEon2011]: polynomials in the
+    index or in its inverse.
     """
     inverse = 1.0 / eta
     if eta < 1.0:
@@ -82,7 +82,7 @@ def diffuse_fresnel(eta: float) -> float:
 
 @kernel
 def coated_base(plastic):
-    """Return pi f of the base under the coat, but for what enters and leaves."""
+    """Return pi f of the base, without the coat's transmittance for wo and wi."""
     d, again = plastic.diffuse_reflectance, plastic.thrown_back
     white, one = splat_f32(1.0) - again, splat_f32(1.0)
     colored = vec3(one, one, one) - d * again
@@ -92,7 +92,7 @@ def coated_base(plastic):
 
 @kernel
 def specular_probability(plastic, reflected):
-    """Return how often the coat is sampled, which reflects so much of what arrives."""
+    """Return the probability of sampling the coat, given its reflectance for wo."""
     specular = reflected * plastic.specular_share
     diffuse = (1.0 - reflected) * (1.0 - plastic.specular_share)
     return specular / (specular + diffuse)
@@ -100,7 +100,7 @@ def specular_probability(plastic, reflected):
 
 @kernel
 def eval_pdf(plastic, wo, wi):
-    """Return f cos of the base, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos of the base, and the pdf [1/sr]."""
     above = (wo.z > 0.0) & (wi.z > 0.0)
     back, _, _ = fresnel_dielectric(wo.z, plastic.eta)
     enters, _, _ = fresnel_dielectric(wi.z, plastic.eta)
@@ -111,7 +111,7 @@ def eval_pdf(plastic, wo, wi):
 
 @kernel
 def sample(plastic, wo, numbers):
-    """Mirror at the coat, or scatter from the base."""
+    """Sample specular reflection at the coat, or the diffuse base."""
     back, _, _ = fresnel_dielectric(wo.z, plastic.eta)
     probability = specular_probability(plastic, back)
     mirrored = numbers.choice < probability
@@ -132,7 +132,7 @@ def sample(plastic, wo, numbers):
 
 @kernel
 def albedo(plastic):
-    """Return the colour of the base without its coat, as Mitsuba does."""
+    """Return the albedo of the base without the coat, as in Mitsuba."""
     return plastic.diffuse_reflectance
 
 

@@ -50,7 +50,7 @@ def read(properties: Any) -> OtherBsdf:
 
 @kernel
 def eval_pdf(plastic, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     back, _, _ = fresnel_dielectric(wo.z, plastic.eta)
     ahead, _, _ = fresnel_dielectric(wi.z, plastic.eta)
     passes, share = (1.0 - back) * (1.0 - ahead), plastic.specular_share

@@ -1,7 +1,7 @@
-"""The principled BSDF [Burley2012; Burley2015]: one set of knobs for most materials.
+"""Principled BSDF [Burley2012; Burley2015].
 
-Where `spec_trans` is absent no light goes through, and the BSDF is a kind of its own, which
-is seen from the front alone. Mitsuba takes a float of 0 for absent.
+Without `spec_trans` it does not transmit and is a different kind, black from behind. As in
+Mitsuba, a `spec_trans` of 0, given as a float, counts as absent.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Principled(NamedTuple):
 
 
 class PrincipledGlass(NamedTuple):
-    """The same, and how much of what is no metal lets light through."""
+    """The parameters of `Principled`, and specular transmission."""
 
     base_color: Color
     roughness: Float
@@ -78,9 +78,9 @@ class PrincipledGlass(NamedTuple):
     spec_trans: Float
 
 
-_SCALARS = Principled._fields[2:10]  # 0 where a file is silent
+_SCALARS = Principled._fields[2:10]  # 0 if the file does not give them
 _RATES = Principled._fields[-3:]
-# of the largest rate: below this light samples find what the lobe reflects with less noise
+# relative to the largest sampling rate; below this, light samples have less noise
 _NEGLECTED = 0.1
 
 
@@ -100,7 +100,7 @@ def read(properties: Any) -> OtherBsdf:
 def read_common(
     properties: Any, scalars: tuple[str, ...], rates: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Return base colour, roughness, parameters that are 0 if absent, and rates."""
+    """Return the base colour, the roughness, parameters with default 0, and rates."""
     return {
         "base_color": read_texture(properties, "base_color", 0.5),
         "roughness": read_scalar_texture(properties, "roughness", 0.5),
@@ -110,18 +110,18 @@ def read_common(
 
 
 def samples_each_lobe(bsdf: OtherBsdf) -> bool:
-    """Return whether the file's rates of sampling neglect no lobe, or leave it out."""
+    """Return whether no lobe has a sampling rate that is nearly or exactly 0."""
     rates = [float(v) for k, v in bsdf.values.items() if k.endswith("_sampling_rate")]
     return min(rates) >= _NEGLECTED * max(rates) > 0.0
 
 
 def _read_eta(properties: Any, transmits: bool) -> float:
-    """Return the index of refraction; `specular` is another scale for it."""
+    """Return the index of refraction; `specular` is an alternative parameter for it."""
     if properties.has("eta"):
         if properties.has("specular"):
             properties.fail("specular", 'a value together with "eta"', "one of the two")
         eta = float(properties.number("eta", 1.5, above=0.0))
-        # a surface between equal indices would not be there
+        # an interface between equal indices has no effect
         return 1.001 if transmits and eta == 1.0 else eta
     specular = properties.number("specular", 0.5, at_least=0.0)
     if not specular * 0.08 < 1.0:
@@ -131,12 +131,12 @@ def _read_eta(properties: Any, transmits: bool) -> float:
     return 2.0 / (1.0 - math.sqrt(0.08 * specular)) - 1.0
 
 
-# ----------------------------------------------------------------- no light goes through
+# ------------------------------------------------------------------ without transmission
 
 
 @kernel
 def _shares(material):
-    """Return how often the lobes are sampled: specular, coat, diffuse."""
+    """Return the sampling probabilities of the lobes: specular, coat, diffuse."""
     specular = material.main_specular_sampling_rate
     coated = 0.25 * material.clearcoat * material.clearcoat_sampling_rate
     diffuse = (1.0 - material.metallic) * material.diffuse_reflectance_sampling_rate
@@ -146,7 +146,7 @@ def _shares(material):
 
 @kernel
 def _reflected(material, fresnel, cos_o):
-    """Return the reflectance of the facets: metal, tinted and plain dielectric."""
+    """Return the reflectance of the facets: metallic, tinted and plain dielectric."""
     weight = schlick_weight(cos_o, material.eta)
     crossing = select(cos_o >= 0.0, material.eta, 1.0 / material.eta)
     metal = material.base_color * (1.0 - weight) + weight
@@ -158,7 +158,7 @@ def _reflected(material, fresnel, cos_o):
 
 @kernel
 def _diffuse(material, share, wo, wi, cos_i):
-    """Return f cos of the diffuse lobe with its sheen; `share`: of what is no metal."""
+    """Return f cos of the diffuse lobe and sheen; `share`: 1 - metallic."""
     shape = diffuse_shape(material, wo.z, wi.z, cos_i)
     base = material.base_color * (share * INV_PI * shape)
     sheen = sheen_of(material, cos_i) * (1.0 - material.metallic)
@@ -167,14 +167,14 @@ def _diffuse(material, share, wo, wi, cos_i):
 
 @kernel
 def eval_pdf(material, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     facets = ggx_facets(material.roughness, material.anisotropic)
     h = normalize(wo + wi)
     cos_o, cos_i = dot(wo, h), dot(wi, h)
     fresnel, _, _ = fresnel_dielectric(cos_o, material.eta)
     shown = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     mirrored = normal_density(facets, h) * shown / (4.0 * wo.z)
-    # between equal indices nothing is mirrored, be it metal: as in Mitsuba
+    # between equal indices nothing is reflected, not even by metal, as in Mitsuba
     mirrored = select(fresnel > 0.0, mirrored, 0.0)
     color = _reflected(material, fresnel, cos_o) * mirrored
     color = color + coat(material, wo, wi, h, schlick_weight(cos_o, material.eta))
@@ -190,7 +190,7 @@ def eval_pdf(material, wo, wi):
 
 @kernel
 def sample(material, wo, numbers):
-    """Choose a lobe, and a direction by it; the weight is that of all lobes."""
+    """Sample a direction from one of the lobes; the weight is that of all lobes."""
     _, coated, diffuse = _shares(material)
     m = sample_normal(ggx_facets(material.roughness, material.anisotropic), wo, numbers)
     m_coat = coat_normal(material.clearcoat_gloss, numbers.x, numbers.y)
@@ -210,16 +210,16 @@ def _finite(f_cos, weight):
 
 @kernel
 def albedo(material):
-    """Return the base colour, as Mitsuba does."""
+    """Return the base colour, as in Mitsuba."""
     return material.base_color
 
 
-# ------------------------------------------------------------------- light goes through
+# --------------------------------------------------------------------- with transmission
 
 
 @kernel
 def _glass_shares(glass, fresnel, front):
-    """Return how often the lobes are sampled: specular both ways, coat, diffuse."""
+    """Return lobe probabilities: specular reflection, transmission, coat, diffuse."""
     through = (1.0 - glass.metallic) * glass.spec_trans
     rate = select(front, glass.main_specular_sampling_rate, 1.0)
     bent = rate * select(front, through, 1.0) * (1.0 - fresnel)
@@ -234,7 +234,7 @@ def _glass_shares(glass, fresnel, front):
 
 @kernel
 def glass_eval_pdf(glass, wo, wi):
-    """Return f |cos|, and the density [1/sr] with which `glass_sample` chooses wi."""
+    """Return f |cos| and the pdf [1/sr]."""
     facets = ggx_facets(glass.roughness, glass.anisotropic)
     front, same_side = wo.z > 0.0, wo.z * wi.z > 0.0
     crossing = select(front, glass.eta, 1.0 / glass.eta)
@@ -243,7 +243,7 @@ def glass_eval_pdf(glass, wo, wi):
     cos_o, cos_i = dot(wo, h), dot(wi, h)
     fresnel, _, _ = fresnel_dielectric(cos_o, glass.eta)
     through = (1.0 - glass.metallic) * glass.spec_trans
-    # facets are met by wo from its own side, and left on that of wi
+    # the facet's normal must be on wo's side for wo and on wi's side for wi
     mirrors = same_side & (cos_o * wo.z > 0.0) & (cos_i * wo.z > 0.0)
     bends = ~same_side & (cos_o * wo.z > 0.0) & (cos_i * wo.z < 0.0)
     bend = cos_o + crossing * cos_i
@@ -277,7 +277,7 @@ def glass_eval_pdf(glass, wo, wi):
 
 @kernel
 def _reflected_glass(glass, fresnel, cos_o, front, through):
-    """Return the reflectance of the facets; from inside there is no metal and no tint."""
+    """Return the reflectance of the facets; from inside without metal and tint."""
     color = _reflected(glass, fresnel, cos_o)
     inside = through * fresnel
     return select3(front, color, vec3(inside, inside, inside))
@@ -285,7 +285,7 @@ def _reflected_glass(glass, fresnel, cos_o, front, through):
 
 @kernel
 def glass_sample(glass, wo, numbers):
-    """Choose a lobe, and a direction by it; the weight is that of all lobes."""
+    """Sample a direction from one of the lobes; the weight is that of all lobes."""
     front = wo.z > 0.0
     facets = ggx_facets(glass.roughness, glass.anisotropic)
     m = sample_normal(facets, select3(front, wo, -wo), numbers)
@@ -302,7 +302,7 @@ def glass_sample(glass, wo, numbers):
     scatters = numbers.choice < diffuse
     wi = select3(scatters, scattered, wi)
     f_cos, pdf = glass_eval_pdf(glass, wo, wi)
-    # a refracted direction has to leave on the other side, a mirrored one on this side
+    # a refracted direction must be on the other side, a reflected one on the same side
     right_side = select(through & ~scatters, -wi.z, wi.z) * wo.z > 0.0
     weight = select((pdf > 0.0) & right_side, 1.0 / pdf, 0.0)
     eta = select(through & ~scatters, crossing, 1.0)

@@ -1,6 +1,6 @@
-"""The lobes of the principled BSDFs [Burley2012; Burley2015], as Mitsuba weighs them.
+"""Lobes of the principled BSDFs [Burley2012; Burley2015], weighted as in Mitsuba.
 
-Directions are local; `cos_o` is that of a half vector with wo, `cos_i` that with wi.
+Directions are local; `cos_o` is the cosine of the half vector and wo, `cos_i` that with wi.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from renderer.plugins.bsdfs.microfacets import Microfacets
 from renderer.plugins.sampling.numbers_and_warps import INV_PI, TWO_PI
 
 _SMOOTHEST = np.float32(1e-3)
-_NO_DENSITY = np.float32(1e-20)  # of normals: there is nothing to divide by
-_COAT_REFLECTANCE = np.float32(0.04)  # of a clear coat along the normal
-_COAT_ALPHA2 = np.float32(0.25**2)  # that of its shadowing, whatever its gloss
+_NO_DENSITY = np.float32(1e-20)  # a smaller density of normals counts as 0
+_COAT_REFLECTANCE = np.float32(0.04)  # of the clear coat at normal incidence
+_COAT_ALPHA2 = np.float32(0.25**2)  # in its shadowing, for any gloss
 
 
 @kernel
@@ -36,13 +36,13 @@ def no_light():
 
 @kernel
 def between(a, b, t):
-    """Return a at t = 0, b at 1."""
+    """Return the linear interpolation: a at t = 0, b at t = 1."""
     return a + (b - a) * t
 
 
 @kernel
 def ggx_facets(roughness, anisotropic):
-    """Return the distribution of facets of a perceived roughness."""
+    """Return the microfacet distribution for a perceptual roughness."""
     aspect = sqrt(1.0 - 0.9 * anisotropic)
     alpha = roughness * roughness
     never = roughness != roughness
@@ -56,7 +56,7 @@ def ggx_facets(roughness, anisotropic):
 
 @kernel
 def fifth_power_of_rest(cosine):
-    """Return (1 - cosine)^5, Schlick's approximation of how Fresnel rises."""
+    """Return (1 - cosine)^5, the weight of Schlick's approximation."""
     rest = minimum(maximum(1.0 - cosine, 0.0), 1.0)
     square = rest * rest
     return square * square * rest
@@ -64,7 +64,7 @@ def fifth_power_of_rest(cosine):
 
 @kernel
 def schlick_weight(cosine, eta):
-    """Return how far reflectance has risen from that along the normal to 1."""
+    """Return the Schlick weight: reflectance is F0 at 0 and 1 at 1."""
     crossing = select(cosine >= 0.0, eta, 1.0 / eta)
     cos2_t = 1.0 - (1.0 - cosine * cosine) / (crossing * crossing)
     refracted = sqrt(maximum(cos2_t, 0.0))
@@ -73,7 +73,7 @@ def schlick_weight(cosine, eta):
 
 @kernel
 def tint_of(color):
-    """Return a colour of luminance 1; white for black."""
+    """Return the colour divided by its luminance; white for black."""
     luminance = 0.212671 * color.x + 0.715160 * color.y + 0.072169 * color.z
     some = luminance > 0.0
     one = splat_f32(1.0)
@@ -82,14 +82,14 @@ def tint_of(color):
 
 @kernel
 def tinted_reflectance(color, crossing, weight):
-    """Return Schlick's reflectance of a dielectric that is tinted along the normal."""
+    """Return Schlick's reflectance of a dielectric with tinted F0."""
     ratio = (crossing - 1.0) / (crossing + 1.0)
     return tint_of(color) * (ratio * ratio * (1.0 - weight)) + weight
 
 
 @kernel
 def sheen_of(material, cos_i):
-    """Return the glow of cloth along its edges, without the cosine."""
+    """Return the sheen lobe without the cosine."""
     white = tint_of(material.base_color) - 1.0
     return (white * material.sheen_tint + 1.0) * (
         material.sheen * fifth_power_of_rest(fabs(cos_i))
@@ -98,7 +98,7 @@ def sheen_of(material, cos_i):
 
 @kernel
 def diffuse_shape(material, cos_wo, cos_wi, cos_i):
-    """Return the diffuse f over base / pi: rough reflection back, or flat scattering."""
+    """Return the diffuse f over base / pi: retro-reflection, or flat scattering."""
     out, into = fifth_power_of_rest(cos_wi), fifth_power_of_rest(cos_wo)
     back = 2.0 * material.roughness * cos_i * cos_i
     diffuse = (1.0 - 0.5 * into) * (1.0 - 0.5 * out)
@@ -119,7 +119,7 @@ def _coat_alpha2(gloss):
 
 @kernel
 def coat_density(gloss, m):
-    """Return the density of the coat's normals, with the long tail of [Burley2012]."""
+    """Return D(m) of the coat, with the long tail of [Burley2012]."""
     alpha2 = _coat_alpha2(gloss)
     shape = log(alpha2) * (1.0 + (alpha2 - 1.0) * m.z * m.z)
     density = INV_PI * (alpha2 - 1.0) / shape
@@ -135,7 +135,7 @@ def _coat_shadowing(v, m):
 
 @kernel
 def coat(material, wo, wi, m, weight):
-    """Return f cos of the clear coat; 1 / (4 cos cos) is in no factor of it."""
+    """Return f cos of the clear coat; as in Mitsuba without the factor 1 / (4 cos cos)."""
     fresnel = between(_COAT_REFLECTANCE, 1.0, weight)
     shadowing = _coat_shadowing(wo, m) * _coat_shadowing(wi, m)
     density = coat_density(material.clearcoat_gloss, m)
@@ -144,7 +144,7 @@ def coat(material, wo, wi, m, weight):
 
 @kernel
 def coat_normal(gloss, x, y):
-    """Sample a normal of the coat by its density times cosine; x gives the azimuth."""
+    """Sample a normal of the coat by D(m) cos; x gives the azimuth."""
     alpha2 = _coat_alpha2(gloss)
     cos2 = (1.0 - exp((1.0 - y) * log(alpha2))) / (1.0 - alpha2)
     sine = sqrt(maximum(1.0 - cos2, 0.0))

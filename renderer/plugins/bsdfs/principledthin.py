@@ -1,4 +1,4 @@
-"""The principled BSDF of thin sheets [Burley2015]: alike on both sides, nothing is bent."""
+"""Principled BSDF of thin sheets [Burley2015]: symmetric, without refraction."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class PrincipledThin(NamedTuple):
     sheen: Float
     sheen_tint: Float
     flatness: Float
-    diff_trans: Float  # 0 to 2: how much of the diffuse light goes through, 1 is half
+    diff_trans: Float  # [0, 2] diffuse transmission; 1: half of the diffuse light
     eta: Float
     specular_reflectance_sampling_rate: Float
     specular_transmittance_sampling_rate: Float
@@ -69,7 +69,7 @@ def read(properties: Any) -> OtherBsdf:
 
 @kernel
 def _shares(thin):
-    """Return how often the lobes are sampled: specular and diffuse, back and through."""
+    """Return lobe probabilities: specular and diffuse reflection and transmission."""
     diffuse, through = 1.0 - thin.spec_trans, 0.5 * thin.diff_trans
     a = 0.5 * thin.spec_trans * thin.specular_reflectance_sampling_rate
     b = 0.5 * thin.spec_trans * thin.specular_transmittance_sampling_rate
@@ -81,13 +81,13 @@ def _shares(thin):
 
 @kernel
 def _bent_facets(thin):
-    """Return the facets of light that goes through: bent twice, it is spread less."""
+    """Return the facets for transmission: with two refractions the lobe is narrower."""
     return ggx_facets(thin.roughness * (0.65 * thin.eta - 0.35), thin.anisotropic)
 
 
 @kernel
 def _on_the_side_of(v, of):
-    """Return v as if seen from the front, where `of` is on the back."""
+    """Return v, with z negated where `of` is on the back."""
     return select3(of.z < 0.0, -v, v)
 
 
@@ -132,7 +132,7 @@ def eval_pdf(thin, wo, wi):
 
 @kernel
 def sample(thin, wo, numbers):
-    """Choose a lobe, and a direction by it; the weight is that of all lobes."""
+    """Sample a direction from one of the lobes; the weight is that of all lobes."""
     mirrors, passes, scatters, _ = _shares(thin)
     front = _on_the_side_of(wo, wo)
     facets = ggx_facets(thin.roughness, thin.anisotropic)
@@ -148,7 +148,7 @@ def sample(thin, wo, numbers):
     returns = (choice < mirrors) | (
         (choice >= mirrors + passes) & (choice < mirrors + passes + scatters)
     )
-    # what leaves a facet on the wrong side of it has failed, as in Mitsuba
+    # samples on the wrong side of their facet are invalid, as in Mitsuba
     failed = (choice >= mirrors) & (choice < mirrors + passes) & (dot(bent, m) >= 0.0)
     right_side = (select(returns, wi.z, -wi.z) > 0.0) & ~failed
     wi = _on_the_side_of(wi, wo)

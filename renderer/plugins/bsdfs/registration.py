@@ -1,7 +1,7 @@
-"""What a user registers as a BSDF, checked before it becomes known.
+"""Checks of a BSDF that a user registers.
 
-Nothing is compiled here: a plugin file is imported in a few milliseconds. What kernels
-return is checked when a scene is rendered (`rendering.user_kernels`).
+Nothing is compiled here, so a plugin file is imported in a few milliseconds. The results of
+the kernels are checked when a scene is rendered (`rendering.user_kernels`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from renderer.scene_file.description import OtherBsdf
 
 MOST = float(np.finfo(np.float32).max)  # a parameter is a float32
 
-# what each kernel is called with; the last of `albedo` may be left out
+# arguments of each kernel; the last one of `albedo` is optional
 CALLED_WITH = {
     "sample": ("parameters", "wo", "numbers"),
     "eval_pdf": ("parameters", "wo", "wi"),
@@ -36,7 +36,7 @@ CALLED_WITH = {
 
 
 def check_name(name: Any, own: tuple[str, ...]) -> None:
-    """Refuse what is no name of a plugin, or one of the renderer's own."""
+    """Refuse names that no plugin can have, and names of the renderer's own plugins."""
     if not isinstance(name, str) or not name.strip():
         raise PluginError(f"the name of a BSDF is a text such as 'velvet', not {name!r}")
     if name in own:
@@ -44,12 +44,12 @@ def check_name(name: Any, own: tuple[str, ...]) -> None:
 
 
 def check_kernels(name: str, kernels: Mapping[str, Any], **flags: Any) -> None:
-    """Refuse kernels that are none, take other arguments, or do not go together.
+    """Refuse objects that are not kernels, wrong arguments, and invalid combinations.
 
     Parameters
     ----------
     kernels
-        Those of `CALLED_WITH`; None for one that is not given.
+        By the names in `CALLED_WITH`; None for an absent one.
     **flags
         `transmits` and `delta` of `register_bsdf`.
     """
@@ -134,15 +134,15 @@ def check_parameters(name: str, parameters: Any) -> Mapping[str, type]:
 
 
 def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: Any) -> None:
-    """Refuse a class of parameters that is another kind's, and a name given twice.
+    """Refuse a parameter class of another kind, and a name that one file registers twice.
 
-    A kind may be registered anew, as at a prompt or when its module is reloaded; but two of
-    one name in one file are a mistake.
+    A kind may be registered again, as at a prompt or when its module is reloaded. Two kinds
+    of the same name in one file are a mistake.
 
     Parameters
     ----------
     known
-        The kinds so far, by name.
+        The registered kinds, by name.
     """
     for other in known.values():
         # the stages find a kind's kernels by the class of its parameters
@@ -161,7 +161,7 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
     module = inspect.getmodule(before.parameters)
     if module is None or module.__name__ == "__main__":
         return
-    # a module that is run again has given the name of the class to another one
+    # a reloaded module has rebound the name of the class
     alive = getattr(module, before.parameters.__name__, None) is before.parameters
     if alive and parameters.__module__ == module.__name__:
         raise PluginError(
@@ -174,7 +174,7 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
 def checked_reader(
     name: str, parameters: Any, read: Any, known: Container[str]
 ) -> Callable[[Any], Any]:
-    """Return a user's `read`; what it raises, and a wrong description, is a PluginError."""
+    """Return a user's `read` whose exceptions and invalid results become PluginErrors."""
     if not callable(read):
         raise PluginError(f"BSDF {name!r}: read is {read!r}, which cannot be called")
 

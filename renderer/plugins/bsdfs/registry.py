@@ -1,4 +1,4 @@
-"""All kinds of BSDF: one line makes a kind known to the reader, the plan and the stages."""
+"""Registers all kinds of BSDF with the scene reader, the planner and the stages."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ from renderer.scene_file.description import OtherBsdf, TwoSided
 from renderer.scene_file.objects.objects import read_bsdf, read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
-VARIANTS: dict[str, BsdfKind] = {}  # of these, that files do not name
-WRAPPERS: dict[str, BsdfKind] = {}  # that others are inside of
-# what files name, for the reader
+VARIANTS: dict[str, BsdfKind] = {}  # variants of them, which files cannot name
+WRAPPERS: dict[str, BsdfKind] = {}  # kinds with nested BSDFs
+# names in scene files, for the reader
 PLUGINS: ChainMap[str, BsdfKind] = ChainMap(WRAPPERS, BSDFS)
 
 
@@ -62,12 +62,12 @@ def _register(kind: BsdfKind) -> None:
 
 
 def _reader_of_opaque(kind: BsdfKind) -> Callable[[Any], Any]:
-    """Return the `read` of a kind that refuses what light goes through inside of it."""
+    """Return the `read` of a kind that refuses nested BSDFs with transmission."""
 
     def read(properties: Any) -> Any:
         description = kind.read(properties)
         for _, element in properties.children("bsdf"):
-            # the same record again, see `Reading.once`
+            # reads the same record as before, see `Reading.once`
             if kind_of(read_bsdf(element, properties.reading)).transmits:
                 possible = [name for name, other in BSDFS.items() if not other.transmits]
                 raise SceneError(
@@ -131,22 +131,23 @@ def register_bsdf(
     Parameters
     ----------
     name : str
-        Of the plugin.
+        Name of the plugin.
     parameters : type
-        A NamedTuple class. Its fields are annotated `Color` or `Float`; a default is what
-        a file that does not give the property means.
+        A NamedTuple class. Its fields are annotated `Color` or `Float`; a default
+        applies if a file does not give the property.
     sample : kernel
-        (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the least
-        `numbers.choice` chooses one and the largest the other, as Whitted's trees need.
+        (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the
+        smallest `numbers.choice` selects one and the largest the other, as Whitted's
+        trees need.
     eval_pdf : kernel, optional
-        (parameters, wo, wi) -> f |cos| (RGB), density [1/sr]; None where there are delta
-        lobes only.
+        (parameters, wo, wi) -> f |cos| (RGB), pdf [1/sr]; None if all lobes are delta
+        lobes.
     albedo : kernel, optional
-        parameters -> RGB, for the AOV; black without it.
+        parameters -> RGB, for the AOV; None: black.
     delta : bool
-        Whether there are lobes of a single direction; samples then say their `lobe`.
+        Whether there are delta lobes; samples must then have their `lobe`.
     transmits : bool
-        Whether light goes through.
+        Whether it transmits light.
     read : callable, optional
         Makes the description from `Properties`; None reads each parameter by its name.
     about : str
@@ -158,11 +159,12 @@ def register_bsdf(
     Raises
     ------
     PluginError
-        If the name is one of the renderer's own or given twice in one file, nothing
-        scatters, a function is no kernel or takes other arguments, `transmission` comes
-        without `reflection` or `transmits`, or the parameters are no NamedTuple class of
-        `Color` and `Float` with numbers as defaults, or that of another kind. What the
-        kernels compute and return is checked when a scene is rendered.
+        If the name is one of the renderer's own or given twice in one file; if there is
+        neither `eval_pdf` nor `delta`; if a function is not a kernel or takes other
+        arguments; if `transmission` comes without `reflection` or `transmits`; or if
+        the parameters are not a NamedTuple class of `Color` and `Float` with numbers as
+        defaults, or belong to another kind. Results of the kernels are checked when a
+        scene is rendered.
     """
     kernels = {
         "sample": sample,
@@ -210,7 +212,7 @@ def register_bsdf(
             albedo,
             delta=delta or reflection is not None,
             transmits=transmits,
-            # compiled kernels name the module that they come from, and are found by it
+            # cached kernels are found by the module that defines them
             source=_source_of([kernel.py_func for kernel in given.values()]),
             users_kernels=tuple(given.items()),
         )
@@ -218,7 +220,7 @@ def register_bsdf(
 
 
 def kind_of(bsdf: Any) -> BsdfKind:
-    """Return the kind of a BSDF of the description, with all that is inside of it."""
+    """Return the kind of a BSDF of the scene description, including its nested BSDFs."""
     if (kind := BSDFS.get(bsdf.plugin) or VARIANTS.get(bsdf.plugin)) is not None:
         return kind
     kind = WRAPPERS[bsdf.plugin]
@@ -228,9 +230,9 @@ def kind_of(bsdf: Any) -> BsdfKind:
 
 
 def reaches_all(bsdf: Any) -> bool:
-    """Return whether BSDF samples alone find all light that it reflects.
+    """Return whether BSDF samples alone reach all light that it reflects.
 
-    False for a user's BSDF: light samples may be what reaches the rest.
+    False for a user's BSDF: it may need light samples.
     """
     if names := nested_names(bsdf):
         return all(reaches_all(getattr(bsdf, name)) for name in names)
@@ -239,15 +241,15 @@ def reaches_all(bsdf: Any) -> bool:
 
 
 def nested_names(bsdf: Any) -> tuple[str, ...]:
-    """Return the attributes of a BSDF of the description that are BSDFs themselves."""
+    """Return the attributes of a BSDF of the description that are nested BSDFs."""
     kind = WRAPPERS.get(bsdf.plugin)
     return () if kind is None else kind.nested_fields
 
 
 def _source_of(functions: list[Any]) -> str:
-    """Return what tells kernels from those of an earlier text of the same files.
+    """Return an identifier of the source of kernels, which changes with their files.
 
-    What was written at a prompt is new each time.
+    Functions that were defined at a prompt have a new one each time.
     """
     found = {function.__module__: inspect.getfile(function) for function in functions}
     digests = [

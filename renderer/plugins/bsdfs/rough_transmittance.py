@@ -1,8 +1,8 @@
-"""How much light a rough interface lets through: a table over the angle, in float64.
+"""Transmittance of a rough interface: a table over the cosine, in float64.
 
-The numbers are those of a Gauss-Legendre quadrature over the two numbers that choose a
-visible normal, with 32 or 128 nodes along each: what it leaves out is below 1e-5 but for
-grazing angles, and Mitsuba leaves out the same.
+The values are a Gauss-Legendre quadrature over the two random numbers that sample a visible
+normal, with 32 or 128 nodes for each. Its error is below 1e-5 except at grazing angles, and
+Mitsuba has the same error.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ _gauss_legendre = cache(np.polynomial.legendre.leggauss)
 
 @cache
 def rough_transmittance(beckmann: bool, alpha: float, eta: float) -> tuple[Array, float]:
-    """Return the table of an interface, and the mean reflectance from its other side.
+    """Return the table of an interface, and its mean reflectance from the other side.
 
     Parameters
     ----------
     beckmann : bool
-        The distribution; else GGX.
+        Beckmann distribution; otherwise GGX.
     alpha : float
-        Its roughness, the same along both tangents.
+        Roughness, isotropic.
     eta : float
-        Index of refraction of the side where light goes to over that where it comes from.
+        Index of refraction of the transmitted side over that of the incident side.
 
     Returns
     -------
     ndarray of shape (64,), float
-        Share of light that passes, by the cosine of its angle, 0 to 1; and the share of
-        diffuse light from the other side that is thrown back.
+        Transmittance by the cosine of the incident angle, 0 to 1; and the reflectance
+        for diffuse light from the other side.
     """
     alpha = max(alpha, _SMOOTHEST)
     cosines = np.maximum(np.linspace(0.0, 1.0, RESOLUTION), _LEAST_COSINE)
@@ -54,13 +54,13 @@ def rough_transmittance(beckmann: bool, alpha: float, eta: float) -> tuple[Array
 def _scattered(
     beckmann: bool, alpha: float, eta: float, mu: float, *, reflect: bool
 ) -> float:
-    """Return the share of light from an angle of cosine mu that is reflected, or passes."""
+    """Return the reflectance, or the transmittance, for an incident cosine mu."""
     node, weight = _gauss_legendre(32 if eta > 1.0 else 128)
     u, half = 0.5 * (node + 1.0), len(node) // 2
-    # left and right of wo are alike: half of the nodes across do
+    # symmetric about the plane of wo: half of the nodes across it suffice
     x, y, z = _visible_normals(beckmann, alpha, mu, u, half)
     weights = 0.5 * np.outer(weight, weight[half:])
-    if not beckmann:  # across it is the first number
+    if not beckmann:  # for GGX the first number is across the plane
         weights = weights.T
     sine = math.sqrt(1.0 - mu * mu)
     cos_o = sine * x + mu * z
@@ -100,9 +100,9 @@ def _fresnel(cosine: Array, eta: float) -> tuple[Array, Array]:
 def _visible_normals(
     beckmann: bool, alpha: float, mu: float, u: Array, half: int
 ) -> tuple[Any, Any, Any]:
-    """Return the normals that wo = (sin, 0, mu) sees, across it those of u[half:] alone.
+    """Return the normals visible from wo = (sin, 0, mu), with u[half:] across its plane.
 
-    As `microfacets` samples them; its docstrings name the sources.
+    Sampled as in `microfacets`, whose docstrings have the references.
     """
     sine = math.sqrt(1.0 - mu * mu)
     norm = math.hypot(alpha * sine, mu)
@@ -129,7 +129,7 @@ def _ggx_slopes(c: float, s: float, u: Array, half: int) -> tuple[Any, Any]:
 
 
 def _beckmann_slopes(c: float, s: float, u: Array, half: int) -> tuple[Any, Any]:
-    if s == 0.0:  # along the normal both slopes are alike
+    if s == 0.0:  # at normal incidence both slopes have the same distribution
         return _erfinv(2.0 * u - 1.0)[:, None], _erfinv(2.0 * u[half:] - 1.0)
     tangent = s / c
     most = math.erf(1.0 / tangent)

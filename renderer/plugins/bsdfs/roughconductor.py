@@ -1,4 +1,4 @@
-"""Rough metal: mirrors whose normals scatter around the surface's own [Torrance1967]."""
+"""Rough conductor: microfacets with specular reflection [Torrance1967]."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class RoughConductor(NamedTuple):
 
     alpha_u: Float
     alpha_v: Float
-    beckmann: Float  # 1; GGX: 0
-    every_normal: Float  # 1: also those that are not seen are sampled
+    beckmann: Float  # 1: Beckmann, 0: GGX
+    every_normal: Float  # 1: all normals are sampled, not only visible ones
     eta: Color  # real part of the index of refraction, per colour
     k: Color  # its imaginary part: absorption
     specular_reflectance: Color
@@ -48,7 +48,7 @@ def read(properties: Any) -> OtherBsdf:
 
 @kernel
 def eval_pdf(metal, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     facets, h = microfacets(metal), normalize(wo + wi)
     cosine = dot(wo, h)
     shadowing = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
@@ -65,7 +65,7 @@ def eval_pdf(metal, wo, wi):
 
 @kernel
 def sample(metal, wo, numbers):
-    """Choose a facet and mirror wo at it; of f cos / pdf most cancels."""
+    """Sample a facet and reflect wo; most factors of f cos / pdf cancel."""
     facets = microfacets(metal)
     m = sample_normal(facets, wo, numbers)
     wi, cosine = reflect(wo, m), dot(wo, m)
@@ -80,7 +80,7 @@ def sample(metal, wo, numbers):
 
 @kernel
 def albedo(metal, wo):
-    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(metal, wo, vec3(none, none, none + 1.0))
     return PI * f_cos

@@ -1,4 +1,4 @@
-"""Rough glass: facets that reflect and refract as smooth glass does [Walter2007]."""
+"""Rough dielectric: microfacets that reflect and refract [Walter2007]."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class RoughDielectric(NamedTuple):
 
     alpha_u: Float
     alpha_v: Float
-    beckmann: Float  # 1; GGX: 0
-    every_normal: Float  # 1: also those that are not seen are sampled
+    beckmann: Float  # 1: Beckmann, 0: GGX
+    every_normal: Float  # 1: all normals are sampled, not only visible ones
     eta: Float  # index of refraction, inside over outside
     specular_reflectance: Color
     specular_transmittance: Color
@@ -51,7 +51,8 @@ def read(properties: Any) -> OtherBsdf:
 def _sampled(facets, cos_o):
     """Return the distribution that normals are sampled from.
 
-    Where all of them are, a wider one, whose weights stay small [Walter2007, section 5.3].
+    If all normals are sampled, it is a wider one, so that weights stay small [Walter2007,
+    section 5.3].
     """
     wider = select(facets.every_normal, 1.2 - 0.2 * sqrt(fabs(cos_o)), 1.0)
     return Microfacets(
@@ -67,7 +68,7 @@ def _upward(v, of):
 
 @kernel
 def eval_pdf(glass, wo, wi):
-    """Return f |cos|, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f |cos| and the pdf [1/sr]."""
     facets = microfacets(glass)
     reflected = wo.z * wi.z > 0.0
     crossing = select(wo.z > 0.0, glass.eta, 1.0 / glass.eta)
@@ -75,14 +76,14 @@ def eval_pdf(glass, wo, wi):
     m = _upward(m, m.z)
     cos_o, cos_i = dot(wo, m), dot(wi, m)
     fresnel, _, _ = fresnel_dielectric(cos_o, glass.eta)
-    # how fast a facet's normal turns with wi: through the half vector
+    # Jacobian of the half vector by wi, for refraction
     bend = cos_o + crossing * cos_i
     refracted = 1.0 / (bend * bend)
 
     shown = unshadowed(facets, wo, m) * unshadowed(facets, wi, m)
     density = normal_density(facets, m) * shown
     mirrored = fresnel * density / (4.0 * fabs(wo.z))
-    # eta^2 of the half vector and 1 / eta^2 of radiance cancel
+    # eta^2 of the half vector and 1 / eta^2 of the radiance cancel
     bent = (1.0 - fresnel) * density * fabs(cos_o * cos_i / wo.z) * refracted
     color = select3(
         reflected,
@@ -103,10 +104,10 @@ def eval_pdf(glass, wo, wi):
 
 @kernel
 def sample(glass, wo, numbers):
-    """Choose a facet, and whether it reflects or refracts; of f |cos| / pdf most cancels.
+    """Sample a facet, then reflection or refraction; most factors of f |cos| / pdf cancel.
 
-    With `every_normal` the weight is that of the plain distribution, the density that of
-    the wider one: not their quotient, a few per cent off. That is how Mitsuba has it.
+    With `every_normal` the weight belongs to the plain distribution, but the pdf to the
+    wider one. So the weight differs from f |cos| / pdf by a few per cent, as in Mitsuba.
     """
     facets = microfacets(glass)
     wider = _sampled(facets, wo.z)
@@ -140,7 +141,7 @@ def sample(glass, wo, numbers):
 
 @kernel
 def albedo(glass, wo):
-    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(glass, wo, vec3(none, none, none + 1.0))
     return PI * f_cos

@@ -1,4 +1,4 @@
-"""What files say of a microfacet distribution, the same for all BSDFs that have one."""
+"""Reader of microfacet distributions, for all BSDFs that have one."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _DEFAULT = 0.1
 
 
 def read_roughness(properties: Any, *, textured: bool = True) -> dict[str, Any]:
-    """Return the parameters of `microfacets`: distribution, roughness, how to sample.
+    """Return the parameters of `microfacets`: distribution, roughness, sampling.
 
-    A roughness below 1e-4, negative ones too, counts as that, as in Mitsuba.
+    As in Mitsuba, a roughness below 1e-4, even a negative one, counts as 1e-4.
     """
     distribution = properties.choice(
         "distribution", "beckmann", ("beckmann", "ggx"), any_case=True
@@ -28,7 +28,7 @@ def read_roughness(properties: Any, *, textured: bool = True) -> dict[str, Any]:
 
 
 def _read_alphas(properties: Any, textured: bool) -> tuple[Any, Any]:
-    """Return the roughness along either tangent: alpha, or alpha_u and alpha_v."""
+    """Return the roughness along both tangents, from alpha, or alpha_u and alpha_v."""
     given = [name for name in ("alpha_u", "alpha_v") if properties.has(name)]
     if properties.has("alpha") or not given:
         if given:

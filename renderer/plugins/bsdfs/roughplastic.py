@@ -1,7 +1,7 @@
-"""Rough plastic: a diffuse base under a clear coat of microfacets.
+"""Rough plastic: a diffuse base under a rough dielectric coat.
 
-What passes the coat is not Fresnel's equations of one angle but their mean over the facets,
-from a table (`rough_transmittance`).
+The transmittance of the coat is the mean over its facets, from a table
+(`rough_transmittance`), instead of the Fresnel transmittance of one angle.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ class RoughPlastic(NamedTuple):
     """Its parameters."""
 
     alpha_u: Float
-    alpha_v: Float  # the same: the table knows one roughness
-    beckmann: Float  # 1; GGX: 0
-    every_normal: Float  # 1: also those that are not seen are sampled
+    alpha_v: Float  # equal to alpha_u: the table is for an isotropic roughness
+    beckmann: Float  # 1: Beckmann, 0: GGX
+    every_normal: Float  # 1: all normals are sampled, not only visible ones
     eta: Float  # index of refraction, inside over outside
-    thrown_back: Float  # mean reflectance of the coat from inside
-    nonlinear: Float  # 1: what is thrown back takes on colour again and again
-    specular_share: Float  # of samples, before the table's factor
+    thrown_back: Float  # mean internal reflectance of the coat
+    nonlinear: Float  # 1: each internal reflection is coloured by the base again
+    specular_share: Float  # probability of specular samples, before the table's factor
     diffuse_reflectance: Color
     specular_reflectance: Color
     transmittance: Table  # of the coat, at cosines 0, 1 / 63, ... 1
@@ -69,7 +69,7 @@ def read(properties: Any) -> OtherBsdf:
 
 @kernel
 def transmitted(plastic, cosine):
-    """Return how much of the light at an angle passes the coat, between two entries."""
+    """Return the transmittance of the coat at a cosine, interpolated linearly."""
     x = maximum(cosine, 0.0) * (RESOLUTION - 1)
     below = minimum(floor(x), RESOLUTION - 2)
     i = to_i32(below)
@@ -79,10 +79,16 @@ def transmitted(plastic, cosine):
 
 @kernel
 def eval_coated(plastic, base, passes, probability, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample_coated` chooses wi.
+    """Return f cos, and the pdf [1/sr] of `sample_coated`.
 
-    `base` is pi f of the base, `passes` how much light passes the coat in and out, and
-    `probability` how often the coat is sampled.
+    Parameters
+    ----------
+    base
+        pi f of the base, RGB, without its coat.
+    passes
+        Transmittance of the coat along wo, times that along wi.
+    probability
+        Probability that `sample_coated` samples the coat.
     """
     facets, h = microfacets(plastic), normalize(wo + wi)
     above = (wo.z > 0.0) & (wi.z > 0.0)
@@ -113,7 +119,7 @@ def coated_sample(wi, f_cos, pdf):
 
 @kernel
 def eval_pdf(plastic, wo, wi):
-    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    """Return f cos and the pdf [1/sr]."""
     leaves, enters = transmitted(plastic, wo.z), transmitted(plastic, wi.z)
     probability = specular_probability(plastic, 1.0 - leaves)
     base = coated_base(plastic)
@@ -122,7 +128,7 @@ def eval_pdf(plastic, wo, wi):
 
 @kernel
 def sample(plastic, wo, numbers):
-    """Mirror at a facet of the coat, or scatter from the base."""
+    """Sample reflection at a facet of the coat, or the diffuse base."""
     probability = specular_probability(plastic, 1.0 - transmitted(plastic, wo.z))
     wi = sample_coated(plastic, probability, wo, numbers)
     f_cos, pdf = eval_pdf(plastic, wo, wi)
@@ -131,7 +137,7 @@ def sample(plastic, wo, numbers):
 
 @kernel
 def albedo(plastic):
-    """Return the colour of the base without its coat, as Mitsuba does."""
+    """Return the albedo of the base without the coat, as in Mitsuba."""
     return plastic.diffuse_reflectance
 
 

@@ -1,7 +1,7 @@
-"""A thin pane of glass: both surfaces at once, so that light goes straight on.
+"""Thin dielectric: both interfaces of a pane at once; transmission is straight.
 
-With the Fresnel reflectance R of one surface and T = 1 - R, the reflections back and forth
-between the two add up to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
+With the Fresnel reflectance R of one interface and T = 1 - R, the internal reflections add
+up to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ def read(properties: Any) -> Description:
 
 @kernel
 def _reflectance(pane, wo):
-    """Return what the pane reflects; its two sides are alike."""
+    """Return the reflectance of the pane, the same for both sides."""
     once, _, _ = fresnel_dielectric(fabs(wo.z), pane.eta)
     return select(once < 1.0, once * 2.0 / (1.0 + once), 1.0)
 
 
 @kernel
 def sample(pane, wo, numbers):
-    """Reflect or pass, at random in proportion to the reflectance."""
+    """Sample reflection or straight transmission by the reflectance."""
     reflectance = _reflectance(pane, wo)
     reflected = numbers.choice <= reflectance
     weight = select3(reflected, pane.specular_reflectance, pane.specular_transmittance)
@@ -58,7 +58,7 @@ def sample(pane, wo, numbers):
 
 @kernel
 def eval_straight(pane, wo):
-    """Return what the pane does not reflect, tinted."""
+    """Return the transmittance, including its colour."""
     return pane.specular_transmittance * (1.0 - _reflectance(pane, wo))
 
 

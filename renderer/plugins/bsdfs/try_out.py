@@ -1,4 +1,4 @@
-"""Kernels of one BSDF called with a few directions and random numbers, to look for NaN."""
+"""Test calls of a BSDF's kernels with a few directions and random numbers, to find NaN."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COUNT = 64
 
 
 class Points(NamedTuple):
-    """What `parameters_at` looks at."""
+    """The fields that `parameters_at` reads."""
 
     parameters: NDArray[np.float32]  # (rows, n)
     bsdf: NDArray[np.int32]  # (n,)
@@ -55,9 +55,9 @@ def _try_eval_pdf(bsdf, points, wo, wi, values):
 
 
 def kernel_with_nan(kind: BsdfKind, parameters: NDArray[np.float32]) -> str:
-    """Return the name of a kernel that returns NaN; "" if there is none.
+    """Return the name of a kernel that returns NaN; "" if none does.
 
-    A sample of density 0 ends its path, whatever else it says.
+    Samples with pdf 0 are ignored: they end their path.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def kernel_with_nan(kind: BsdfKind, parameters: NDArray[np.float32]) -> str:
     """
     rng = np.random.default_rng(0)
     azimuth, height = rng.uniform(0.0, 2.0 * np.pi, (2, COUNT)), rng.random((2, COUNT))
-    z = (0.1 + 0.85 * height).astype(np.float32)  # not along the normal or the surface
+    z = (0.1 + 0.85 * height).astype(np.float32)  # neither normal nor grazing directions
     if kind.transmits:
         z[:, 1::2] *= -1.0
         z[1, 2::4] *= -1.0

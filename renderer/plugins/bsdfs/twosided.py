@@ -1,7 +1,7 @@
-"""One BSDF for both sides of a surface, or one for each.
+"""Two-sided BSDF: one BSDF for both sides of a surface, or one for each.
 
-Around kinds that nothing is inside of, at the top, it is no BSDF at all but a matter of the
-shape, which has an id for either side. The records here are for all other nestings.
+Around a BSDF without nested ones, at the top level, it needs no record: a shape has a BSDF
+id for each side. The records here are for all other nestings.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from renderer.scene_file.objects.objects import read_nested
 
 
 class OneForBoth(NamedTuple):
-    """The BSDF that both sides show."""
+    """The BSDF of both sides."""
 
     front: Nested
 
 
 class OneForEach(NamedTuple):
-    """The BSDFs of the two sides."""
+    """The BSDFs of the front and the back."""
 
     front: Nested
     back: Nested
@@ -45,7 +45,7 @@ def read(properties: Any) -> Description:
 
 @kernel
 def _from_above(wo, chosen):
-    """Turn what was sampled in the upper half space to where wo is."""
+    """Flip a sample of the upper hemisphere to the side of wo."""
     above = wo.z > 0.0
     wi = vec3(chosen.wi.x, chosen.wi.y, select(above, chosen.wi.z, -chosen.wi.z))
     weight = select3(wo.z != 0.0, chosen.weight, black())

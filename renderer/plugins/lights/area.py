@@ -1,7 +1,7 @@
-"""Area lights: a point on the shape, chosen by area; on a sphere, by the cone it fills.
+"""Area lights: points sampled uniformly by area; on a sphere, directions in its cone.
 
-From density per area to density per solid angle: pdf = r^2 / (|cos| A). The shape chooses
-the point (`renderer.plugins.shapes`).
+Conversion from area to solid angle: pdf = r^2 / (|cos| A). The shape samples the point
+(`renderer.plugins.shapes`).
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ class AreaLights(NamedTuple):
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
     surfaces: Any  # the record of the shapes
-    choice: Any  # of meshes: TriangleLights or another way to choose; else None
+    choice: Any  # for meshes, how a triangle is sampled (`TriangleLights`); else None
 
 
 @sample_light.by(AreaLights)
 @kernel
 def sample_area(areas, kind, light, mask, position, x, y, z):
-    """Choose a point of each light; it shines on the side of its normal only."""
+    """Sample a point of each light; lights emit only on the side of their normal."""
     prim = gather_row(areas.prim, 0, light, mask)
     chosen = sample_shape(areas.surfaces, kind, light, mask, position, x, y, z)
     r = length(chosen.to_light)
@@ -68,10 +68,10 @@ def sample_area(areas, kind, light, mask, position, x, y, z):
 def emitted_light(
     lights: Any, kind: Any, points: Any, i: int, light: Any, mask: Any
 ) -> Any:
-    """Return the radiance of lights at points i to i + 15 of them, and the density.
+    """Return the emitted radiance of lights at points i to i + 15, and the pdf.
 
-    The density [1/sr] is that with which `sample_light` chooses the direction to there
-    from the point before. `lights` is the table of a kind that lies on shapes.
+    The pdf [1/sr] is that of `sample_light` for this direction at the previous path vertex.
+    `lights` is the table of a kind of light that lies on shapes.
     """
 
 
@@ -86,7 +86,7 @@ def _emitted(areas, kind, points, i, light, mask):
 
 @kernel
 def shining_lights(kind, shapes, points, i, count):
-    """Return the lights of points i to i + 15, and a mask of those of a kind that shine."""
+    """Return the lights of points i to i + 15, and the mask of emitting ones of a kind."""
     valid = first_lanes(count - i)
     light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
     lamp = valid & (light >= 0)
@@ -96,7 +96,7 @@ def shining_lights(kind, shapes, points, i, count):
 
 @method_kernel
 def lamp_densities(kind, settings, lights, shapes, points, count, density):
-    """Store the density [1/sr] of the light samples that would go to `count` points."""
+    """Store the light-sampling pdf [1/sr] of the directions that hit `count` points."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         light, shining = shining_lights(kind, shapes, points, i, count)
@@ -107,7 +107,7 @@ def lamp_densities(kind, settings, lights, shapes, points, count, density):
 
 @method_kernel
 def add_emission(kind, settings, lights, shapes, points, count, radiance):
-    """Add L_e of the lights of one kind that `count` paths have hit."""
+    """Add L_e of the lights of one kind that `count` rays have hit, with MIS weights."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         light, shining = shining_lights(kind, shapes, points, i, count)

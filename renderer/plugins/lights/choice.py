@@ -1,10 +1,10 @@
-"""One light of several for each point, with the probability that it has there.
+"""Selection of one light for each point, and the probability of each light there.
 
-A small share of the choices is uniform; the others follow bounds of what each light can
-contribute. Such a choice picks an entry of a list, which is a light or a tree of lights. In
-a tree it descends to a light, at every node by the bounds of the children [Estevez2018,
-section 4]. The probability of a light that a BSDF sample has hit is computed by the same
-descent, without a random number.
+With a small probability the light is uniform; otherwise it follows bounds of the lights'
+contributions. First an entry of a list is sampled, which is a light or a tree of lights. In
+a tree the descent continues to a single light, at every node by the bounds of the children
+[Estevez2018, section 4]. The probability of a light that a BSDF sample has hit is computed
+by the same descent, without a random number.
 """
 
 from __future__ import annotations
@@ -41,35 +41,35 @@ from renderer.plugins.lights.importance import (
 from renderer.plugins.lights.sky_by_place import SkyByPlace, share_at
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 
-# The share of uniform choices: each of n lights has a probability of at least this over n.
-# So what the bounds ignore (a turned normal, shadows of all other lights) adds noise, but
-# never a bias. It costs a sixteenth of the samples at most.
+# Fraction of uniform selections: each of n lights has a probability of at least this / n.
+# So what the bounds ignore (a perturbed normal, shadows of all other lights) adds noise,
+# but no bias. It costs at most a sixteenth of the samples.
 UNIFORM = np.float32(1.0 / 16.0)
-MOST_ENTRIES = 256  # sixteen numbers of each are kept on the stack
+MOST_ENTRIES = 256  # the importances of 16 points for each are on the stack
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _LARGEST = np.float32(3.0e38)
 
 
 class LightChoice(NamedTuple):
-    """All lights; the finite ones in trees where they are many."""
+    """All lights; many finite lights are in trees, otherwise they are listed."""
 
-    count: int  # of lights that may be chosen
-    sampled: NDArray[np.int32]  # (count,) these lights
+    count: int  # lights that may be selected
+    sampled: NDArray[np.int32]  # (count,) their ids
     nodes: LightNodes
-    children: NDArray[np.int32]  # (m,) how many, side by side; 0: it is a light
-    child: NDArray[np.int32]  # (m,) the first of them, or the light
-    stop: NDArray[np.int32]  # (m,) rank behind the last light
-    width: int  # children at most
+    children: NDArray[np.int32]  # (m,) number of contiguous children; 0: a light
+    child: NDArray[np.int32]  # (m,) the first child, or the light id
+    stop: NDArray[np.int32]  # (m,) one past the rank of the last light
+    width: int  # largest number of children
     entries: NDArray[np.int32]  # (e,) the nodes that are compared at each point
-    at_infinity: NDArray[np.int32]  # (e,) 1: that light is
-    entry: NDArray[np.int32]  # (lights,) where in `entries` a light is
-    rank: NDArray[np.int32]  # (lights,) of a light, from left to right in its tree
+    at_infinity: NDArray[np.int32]  # (e,) 1: the entry is a light at infinity
+    entry: NDArray[np.int32]  # (lights,) index in `entries` of the light or of its tree
+    rank: NDArray[np.int32]  # (lights,) position of the light in its tree, from the left
     sides: NDArray[np.int32]  # (BSDFs,) IN_FRONT, BOTH_SIDES or ANY_NORMAL
-    environment: int  # light that a ray finds which hits nothing, -1: none
-    places: SkyByPlace  # what each place sees of it
-    by_pair: int  # 1: the first number of a draw chooses, 0: the fourth
-    # 1: by the place alone, of points in media and on surfaces. A path that finds a light
-    # behind surfaces that it went straight through still knows that of its last event.
+    environment: int  # light id of the environment that escaped rays find, -1: none
+    places: SkyByPlace  # visibility of the environment by position
+    by_pair: int  # 1: the first random number of a sample selects the light, 0: the fourth
+    # 1: select by position alone, in media and on surfaces. A ray that has passed through
+    # surfaces without scattering still has the position of its last scattering event.
     by_place: int
 
 
@@ -78,7 +78,7 @@ class Chosen(NamedTuple):
 
     light: Any
     probability: Any
-    rest: Any  # the random number after the choice, rescaled to [0, 1)
+    rest: Any  # the random number, rescaled to [0, 1) after the selection
 
 
 @kernel
@@ -88,7 +88,7 @@ def _unit(x):
 
 @kernel
 def _ask_entries(choice, receiver, given):
-    """Store what each entry can give in `given`; return the sum."""
+    """Store the importance of each entry in `given`; return the sum."""
     total, places = splat_f32(0.0), choice.places
     sky = np.int32(-1)
     if places.levels != 0 and choice.environment >= 0:
@@ -108,16 +108,16 @@ def _ask_entries(choice, receiver, given):
 
 @kernel
 def _choose_entry(choice, given, total, wanted, entry, number):
-    """Return node, probability and the rest of the number, from the list of entries.
+    """Return a node, its probability and the rescaled random number, from the entries.
 
-    Where the light is `wanted`, it is that of its `entry`.
+    Where `wanted` is set, the node is that of the given `entry`.
     """
     node, share, left = splat_i32(0), splat_f32(0.0), splat_f32(0.0)
     target = number * total
     open_ = splat_mask(True)
     for k in range(choice.entries.size):
         part = load_row(given, 0, 16 * k)
-        # the last that gives anything is taken where rounding leaves a number beyond all
+        # rounding may leave a number beyond all entries: the last with importance is taken
         take = select(wanted, entry == np.int32(k), open_ & (part > 0.0))
         node = select(take, splat_i32(choice.entries[k]), node)
         share = select(take, part, share)
@@ -129,10 +129,10 @@ def _choose_entry(choice, given, total, wanted, entry, number):
 
 @kernel
 def _ask_children(choice, receiver, first, count, inner, given):
-    """Store what each child can give in `given`; return the sum.
+    """Store the importance of each child in `given`; return the sum.
 
-    Of several that give nothing here (their common ball is larger) one is as good as any
-    other.
+    If all children have importance 0 (their bounds are tighter than the parent's), they
+    are equally likely.
     """
     total = splat_f32(0.0)
     for k in range(choice.width):
@@ -151,7 +151,7 @@ def _ask_children(choice, receiver, first, count, inner, given):
 
 @kernel
 def _descend(choice, receiver, given, found, wanted, rank, valid):
-    """Go down from nodes to lights; where a light is `wanted`, to that of its rank."""
+    """Descend from nodes to lights; where `wanted`, to the light with the given rank."""
     node, probability, rest = found
     count = gather_row(choice.children, 0, node, valid)
     inner = valid & (count > 0)
@@ -179,9 +179,9 @@ def _descend(choice, receiver, given, found, wanted, rank, valid):
 
 @kernel
 def walk(choice, receiver, wanted, light, number, valid):
-    """Choose a light for each of 16 points by a number in [0, 1).
+    """Sample a light for each of 16 points by a number in [0, 1).
 
-    Where the mask `wanted` is set, return `light` and the probability of choosing it.
+    Where the mask `wanted` is set, return `light` and its probability.
     """
     given = local_f32(4096)
     total = _ask_entries(choice, receiver, given)
@@ -224,9 +224,9 @@ def _receiver(choice, position, normal, wo, bsdf, mask):
 
 @method_kernel
 def choose_by_importance(choice, points, count, numbers, light):
-    """Choose the light that each point samples.
+    """Sample a light for each point.
 
-    The probability takes the place of the fourth number, which the samples do not need.
+    Its probability is stored in place of the fourth random number, which is not needed.
     """
     by_pair = choice.by_pair != 0
     for i in range(0, count, 16):
@@ -250,14 +250,14 @@ def choose_by_importance(choice, points, count, numbers, light):
 
 @method_kernel
 def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, count):
-    """Divide the density of rays that have found a light by the probability of choosing it.
+    """Divide the pdf of BSDF samples that hit a light by the light's probability.
 
-    For multiple importance sampling it is the same as to multiply that of the light's
-    sample. `points` are still those that the rays come from.
+    In the MIS weight this equals multiplying the light sample's pdf. `points` are still
+    the points where the rays start.
     """
     for i in range(first, first + count, 16):
         prim, density = load_row(hits.prim, 0, i), load_row(rays.pdf, 0, i)
-        # density 0: the camera, mirrors and glass take no light samples
+        # pdf 0: camera rays and delta lobes, which take no light samples
         valid = first_lanes(first + count - i) & (density > 0.0)
         met = valid & (prim >= 0)
         shape = gather_row(shape_of, 0, prim, met)
@@ -284,7 +284,7 @@ def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, coun
 
 @kernel
 def divide_by_probability(samples, numbers, count):
-    """Include the probability of choosing the light in light samples and densities."""
+    """Divide light samples by the light's probability; multiply their pdfs by it."""
     for i in range(0, count, 16):
         probability = load_row(numbers, 3, i)
         store_row(samples.pdf, 0, i, load_row(samples.pdf, 0, i) * probability)

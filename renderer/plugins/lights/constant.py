@@ -31,12 +31,12 @@ class ConstantLights(NamedTuple):
     """The environment; at most one."""
 
     radiance: NDArray[np.float32]  # (4, 1)
-    distance: float  # beyond the whole scene
+    distance: float  # of light samples: beyond the whole scene
 
 
 def read(properties: Any) -> ConstantLight:
     """Read the properties of a file."""
-    # It looks the same from everywhere; Mitsuba takes and ignores a transform.
+    # Invariant under rotations; Mitsuba accepts and ignores a transform.
     properties.transform("to_world")
     return ConstantLight(read_color(properties, "radiance", 1.0, Use.EMISSION))
 
@@ -55,9 +55,9 @@ def bounds(light: ConstantLight) -> LightBounds:
 @sample_light.by(ConstantLights)
 @kernel
 def sample_constant(constants, kind, light, mask, position, x, y, z):
-    """Sample a direction uniformly over the whole sphere, as Mitsuba does.
+    """Sample a direction uniformly over the whole sphere, as in Mitsuba.
 
-    Half the samples of a surface point are below its horizon.
+    On a surface, half of the samples are below the horizon.
     """
     distance = splat_f32(np.float32(constants.distance))
     radiance = column(constants.radiance, 0) * splat_f32(_FOUR_PI)

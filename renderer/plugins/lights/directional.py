@@ -1,4 +1,4 @@
-"""Directional light: parallel rays, the same irradiance everywhere."""
+"""Directional light: parallel rays with the same irradiance everywhere."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DirectionalLights(NamedTuple):
 
     to_light: NDArray[np.float32]  # (4, n) unit
     irradiance: NDArray[np.float32]  # (4, n)
-    distance: float  # beyond the whole scene
+    distance: float  # of light samples: beyond the whole scene
 
 
 def read(properties: Any) -> DirectionalLight:
@@ -39,7 +39,7 @@ def read(properties: Any) -> DirectionalLight:
         direction = np.array(properties.vector("direction", (0.0, 0.0, 1.0)))
         if not direction.any():
             properties.fail("direction", "the zero vector", "a direction")
-        direction /= np.abs(direction).max()  # so that no square under- or overflows
+        direction /= np.abs(direction).max()  # squares neither underflow nor overflow
     else:
         to_world = properties.transform("to_world")
         direction = to_world[:3, 2]
@@ -73,7 +73,7 @@ def bounds(light: DirectionalLight) -> LightBounds:
 @sample_light.by(DirectionalLights)
 @kernel
 def sample_directional(directionals, kind, light, mask, position, x, y, z):
-    """Return the direction against the light's, and a distance beyond the scene."""
+    """Return the direction to the light, at a distance beyond the scene."""
     wi = gather_vectors(directionals.to_light, light, mask)
     irradiance = gather_vectors(directionals.irradiance, light, mask)
     distance = splat_f32(np.float32(directionals.distance))

@@ -1,4 +1,4 @@
-"""Environments: light from infinitely far away, found by rays that hit nothing."""
+"""Environments: radiance by direction from infinity, found by rays that hit nothing."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from renderer.plugins.lights.kind import (
 )
 
 # -------------------------------------------------------------------------------- frame
-# What environments with a frame of their own share.
+# Code for environments that have a local frame.
 
 
 def read_rotation(properties: Any) -> NDArray[np.float64]:
-    """Return `to_world`, (4, 4), which must be a rotation or a mirroring."""
+    """Return `to_world`, (4, 4), which must be a rotation or a reflection."""
     to_world: NDArray[np.float64] = properties.transform("to_world")
     axes = to_world[:3, :3]
     if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:
@@ -43,9 +43,9 @@ def rotated(matrix, d):
 
 @kernel
 def distant_sample(sky, wi, radiance, pdf):
-    """Return samples in directions: the radiance over the density [1/sr].
+    """Return light samples for directions: radiance over pdf [1/sr].
 
-    Where the density is NaN or 0 the radiance is 0.
+    Where the pdf is NaN or 0 the sample is 0.
     """
     usable = pdf > 0.0
     pdf = select(usable, pdf, splat_f32(0.0))
@@ -60,18 +60,18 @@ def distant_sample(sky, wi, radiance, pdf):
 
 @interface
 def environment_light(lights: Any, position: Any, direction: Any, mask: Any) -> Any:
-    """Return the radiance that comes from directions, and the density [1/sr] of each.
+    """Return the radiance from directions, and the light-sampling pdf [1/sr] of each.
 
-    `lights` is the table of a kind of which a scene has one at most, the density that
-    with which `sample_light` chooses the direction at a position.
+    `lights` is the table of the environment. The pdf is that of `sample_light` for these
+    directions at `position`.
     """
 
 
 @kernel
 def points_left(points, rays, i, mask):
-    """Return the points that rays i to i + 15 have left; 0 where their density is 0.
+    """Return the origins of rays i to i + 15; 0 where the pdf of the ray is 0.
 
-    Rays of the camera, mirrors and glass have none: no light sample goes their way.
+    Camera rays and delta lobes have pdf 0: light samples never have their directions.
     """
     left = mask & (load_row(rays.pdf, 0, i) > 0.0)
     return gather3(points.position, load_row(rays.point, 0, i), left)
@@ -79,9 +79,9 @@ def points_left(points, rays, i, mask):
 
 @method_kernel
 def add_environment(kind, settings, lights, points, rays, hits, first, count, radiance):
-    """Add the environment for the rays that have hit nothing.
+    """Add the environment's radiance for the rays that have hit nothing, with MIS weights.
 
-    `points` are still those that the rays come from.
+    `points` are still the points where the rays start.
     """
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(first, first + count, 16):
@@ -99,9 +99,9 @@ def add_environment(kind, settings, lights, points, rays, hits, first, count, ra
 
 @method_kernel
 def sky_densities(kind, settings, lights, points, rays, hits, count, density):
-    """Store the density [1/sr] of the light samples that go along rays that hit nothing.
+    """Store the light-sampling pdf [1/sr] for the rays that hit nothing.
 
-    `points` are those that the rays come from.
+    `points` are the points where the rays start.
     """
     probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(0, count, 16):

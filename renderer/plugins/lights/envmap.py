@@ -1,7 +1,8 @@
-"""Environment map: radiance by direction from an image of latitude and longitude.
+"""Environment map: an equirectangular image of radiance, for all directions.
 
-Texels lie at the centres of W columns around the local y axis, but at the ends of H rows:
-the first is the pole +y itself, the last -y. Mitsuba has the same two conventions.
+There are W columns around the local y axis, with texels at their centres. The H rows are
+different: the first row is the pole +y itself, the last one -y. Mitsuba has the same
+conventions.
 """
 
 from __future__ import annotations
@@ -57,41 +58,41 @@ from renderer.scene_file.objects.objects import location_of, read_picture
 
 _PI = np.float32(np.pi)
 INV_TWO_PI = np.float32(0.5 / np.pi)
-# Jacobian of directions by (u, v) in [0, 1]^2, without the sine: du dv = 2 pi^2 sin dw
+# Jacobian of (u, v) in [0, 1]^2 by solid angle, without the sine: du dv = 2 pi^2 sin dw
 _BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
 _SMALLEST_SINE = np.float32(2.0**-24)
 _LUMINANCE = np.array(LUMINANCE, np.float32)
-_FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
+_FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # smaller images are padded by the last column, row
 
 
 @table_columns("texels")
 class EnvironmentMaps(NamedTuple):
     """The environment; at most one."""
 
-    # (4, H (W + 2)) texels by row from the top, each between its neighbours on the circle
+    # (4, H (W + 2)) texels by row from the top, each row padded by its periodic neighbours
     texels: NDArray[np.float32]
     width: int  # W
     height: int  # H
     scale: float
     to_world: NDArray[np.float32]  # (3, 3) a rotation
-    to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
-    warp: Warp  # chooses (u - half a texel, v)
-    places: SkyByPlace  # what each place sees of it
-    distance: float  # beyond the whole scene
+    to_local: NDArray[np.float32]  # (3, 3) its inverse; files round their rotations
+    warp: Warp  # samples (u - half a texel, v)
+    places: SkyByPlace  # visibility of the environment by position
+    distance: float  # of light samples: beyond the whole scene
 
     @property
     def sun_direction(self) -> None:
-        """None: the warp knows of a sun in the image."""
+        """None: the image contains the sun, if any, and the warp samples it."""
 
     def directions(self, u: Floats, v: Floats) -> Floats:
-        """Return the directions (3, n) of points of the warp's square, world."""
+        """Return the world space directions (3, n) of points of the warp's square."""
         azimuth, angle = 2.0 * np.pi * (u + 0.5 / self.width), np.pi * v
         across = np.sin(angle)
         local = across * np.sin(azimuth), np.cos(angle), -across * np.cos(azimuth)
         return in_world(self.to_world, local)
 
     def with_places(self, cells: Cells, seen: Floats, sun: Floats) -> EnvironmentMaps:
-        """Return the same, of which places see what is given (`sky_by_place`)."""
+        """Return a copy with the given visibility by position (`sky_by_place`)."""
         return self._replace(places=sky_by_place(self.warp, cells, seen, 0.0, 1.0))
 
 
@@ -119,15 +120,16 @@ def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
-    # in float32 throughout, as Mitsuba: the choice of a patch follows its last bits
+    # in float32 throughout, as in Mitsuba: the patch that is sampled depends on the last
+    # bits
     r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
-    # float32 has pi 8.7e-8 too large: the sine at the last row would be negative
+    # pi in float32 is 8.7e-8 too large: the sine at the last row would be negative
     sine = np.maximum(np.sin(latitudes(len(environment.pixels))), np.float32(0.0))
     return importance(r + g + b, sine, compensated=environment.mis_compensation)
 
 
 def latitudes(height: int) -> NDArray[np.float32]:
-    """Return the angles from the pole to the rows of texels, (height,)."""
+    """Return the angles [rad] between the pole and the rows of texels, (height,)."""
     step = np.float32(1.0 / (height - 1)) * np.float32(np.pi)
     return np.arange(height, dtype=np.float32) * step
 
@@ -141,14 +143,14 @@ def importance(
     ----------
     luminance : ndarray of shape (H, W)
     sine : ndarray of shape (H,)
-        Of the angle from the pole.
+        Sine of the angle from the pole, for each row.
     compensated
         Only luminance above the mean gets light samples; BSDF samples find the rest
         [Karlik2019].
     """
     if compensated:
         mean = np.float32(luminance.mean(dtype=np.float64))
-        if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
+        if mean - luminance.min() > np.float32(0.01) * mean:  # else nothing would remain
             luminance = luminance - mean
     luminance = np.maximum(luminance, np.float32(0.0))  # negative light is not sampled
     return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
@@ -173,9 +175,9 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
 
 
 def _warp_of(sky: EnvironmentMap) -> Warp:
-    """Return what chooses directions: all alike, where luminance leaves none.
+    """Return the sampling warp; uniform if the importance of all texels is 0.
 
-    Black images do, and those that shine in their first and last row alone, the poles.
+    That is so for black images, and for images that emit only at the poles.
     """
     warp = make_warp(_importance(sky))
     if warp is None:
@@ -194,9 +196,9 @@ def bounds(sky: EnvironmentMap) -> LightBounds:
 
 @kernel
 def half_texel(sky):
-    """Return how far the warp's square begins behind the left edge of the image, in u.
+    """Return the offset in u between the warp's square and the image: half a texel.
 
-    Its patches lie between the centres of texels.
+    The warp's patches lie between the centres of texels.
     """
     return np.float32(0.5) / np.float32(sky.width)
 
@@ -219,9 +221,9 @@ def sphere_point(sky, u, v):
 
 @kernel
 def texel_place(sky, u, v):
-    """Return places in the image, in texels from the centre of the first that is stored.
+    """Return positions in the image, in texels from the centre of the first stored texel.
 
-    It repeats in u, for which a copy of the last column comes first, and ends in v.
+    u is periodic: a copy of the last column is stored first. v is clamped.
     """
     x = (u - floor(u)) * np.float32(sky.width) + 0.5
     y = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0)) * np.float32(sky.height - 1)
@@ -230,7 +232,7 @@ def texel_place(sky, u, v):
 
 @kernel
 def texel_radiance(sky, x, y, mask):
-    """Return the radiance between the four texels around places in the image."""
+    """Return the radiance, interpolated bilinearly between texels."""
     i = minimum(to_i32(x), splat_i32(np.int32(sky.width)))
     j = minimum(to_i32(y), splat_i32(np.int32(sky.height - 2)))
     a, b = x - to_f32(i), y - to_f32(j)
@@ -245,19 +247,19 @@ def texel_radiance(sky, x, y, mask):
 
 @kernel
 def by_solid_angle(density, sine):
-    """Return densities [1/sr] of densities in (u, v)."""
+    """Return pdfs [1/sr] for pdfs in (u, v)."""
     return density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_SMALLEST_SINE)))
 
 
 @kernel
 def image_density(sky, u, v, mask):
-    """Return the density in (u, v) at points of the image."""
+    """Return the pdf in (u, v) at points of the image."""
     return warp_density(sky.warp, *_in_warp(sky, u, v), mask)
 
 
 @kernel
 def _in_warp(sky, u, v):
-    """Return points of the image as points of the warp's square."""
+    """Return points of the warp's square for points of the image."""
     shifted = u - half_texel(sky)
     return shifted - floor(shifted), v
 
@@ -265,7 +267,7 @@ def _in_warp(sky, u, v):
 @sample_light.by(EnvironmentMaps)
 @kernel
 def _sample_envmap(sky, kind, light, mask, position, x, y, z):
-    """Choose a direction in proportion to its luminance, and to what a place sees of it."""
+    """Sample a direction by the luminance, times its visibility at the position."""
     u, v, density = sample_by_place(sky.places, sky.warp, position, x, y, mask)
     u = u + half_texel(sky)
     wi, sine = sphere_point(sky, u, v)
@@ -277,7 +279,7 @@ def _sample_envmap(sky, kind, light, mask, position, x, y, z):
 @environment_light.by(EnvironmentMaps)
 @kernel
 def _envmap_light(sky, position, direction, mask):
-    """Return the radiance and the density of directions, by their (u, v)."""
+    """Return the radiance and the pdf [1/sr] for directions."""
     u, v, sine = image_point(sky, direction)
     x, y = texel_place(sky, u, v)
     u, v = _in_warp(sky, u, v)

@@ -1,6 +1,6 @@
-"""What a kind of light is: its table, how it is sampled, its weight among all lights.
+"""What a kind of light consists of: its table, its sampling, and MIS weights.
 
-Tables of lights: one column for each light id, zero for lights of other kinds.
+Tables of lights have one column for each light id, zero for lights of other kinds.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from renderer.plugins.sampling.numbers_and_warps import power_heuristic
 
 
 def vector_columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:
-    """Return (4, count), vectors for `gather_vectors`, zero for ids without a vector."""
+    """Return (4, count), vectors for `gather_vectors`; zero for ids without a vector."""
     table = np.zeros((4, count), np.float32)
     for i, row in rows.items():
         table[:3, i] = row
@@ -44,15 +44,15 @@ def number_column(count: int, values: dict[int, float]) -> NDArray[np.float32]:
 
 
 # ------------------------------------------------------------------------------ weights
-# Multiple importance sampling: the weights of light samples and BSDF samples.
+# Multiple importance sampling (MIS): weights of light samples and BSDF samples.
 
 
 @kernel
 def light_probability(lights, settings):
-    """Return the probability of each light to be sampled, if it is the same for all.
+    """Return the probability that a light is selected, if all are equally likely.
 
-    1 if it differs from light to light: the densities of light samples and of rays that hit
-    a light then contain it already (`choice.choose_by_importance`).
+    Returns 1 otherwise: the pdfs of light samples and of rays that hit a light then already
+    contain it (`choice.choose_by_importance`).
     """
     if settings.every_light != 0 or lights.choice.shape[0] != 0:
         return np.float32(1.0)
@@ -61,7 +61,7 @@ def light_probability(lights, settings):
 
 @kernel
 def light_sample_weight(settings, light_pdf, bsdf_pdf):
-    """Return the MIS weight of a light sample; 1 for point lights, which have density 0."""
+    """Return the MIS weight of a light sample; 1 for delta lights, whose pdf is 0."""
     if settings.weigh == 0:
         return splat_f32(1.0)
     weight = power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)
@@ -70,7 +70,7 @@ def light_sample_weight(settings, light_pdf, bsdf_pdf):
 
 @kernel
 def bsdf_sample_weight(settings, pdf, light_pdf):
-    """Return the MIS weight of a BSDF sample; 1 for mirrors, which have density 0."""
+    """Return the MIS weight of a BSDF sample; 1 for delta lobes, whose pdf is 0."""
     if settings.weigh == 0:
         return splat_f32(1.0)
     weight = power_heuristic(pdf, light_pdf * np.float32(settings.light_share))
@@ -79,7 +79,7 @@ def bsdf_sample_weight(settings, pdf, light_pdf):
 
 @kernel
 def add_lanes(radiance, slot, value, mask):
-    """Add the masked lanes of a colour to their pixels, lane after lane."""
+    """Add the masked lanes of a colour to their paths' radiance, one lane after another."""
     bits = mask_bits(mask)
     while bits != 0:
         j = lowest_bit(bits)
@@ -91,9 +91,9 @@ def add_lanes(radiance, slot, value, mask):
 
 
 # ------------------------------------------------------------------------------ placing
-# What the emitters of scene files share: where they are.
+# Reading of positions and orientations, for all emitters of scene files.
 
-STRETCH = 1e-4  # relative difference of two axes that counts as rounding
+STRETCH = 1e-4  # axes whose lengths differ by less than this fraction count as equal
 
 
 def one_of(properties: Any, name: str) -> None:
@@ -103,26 +103,26 @@ def one_of(properties: Any, name: str) -> None:
 
 
 # --------------------------------------------------------------------------------- kind
-# The interfaces of a kind of light, and how the lights of a batch are sampled.
+# The interfaces of a kind of light, and light sampling for a batch of points.
 
 
 class LightSample(NamedTuple):
     """One direction to a light for each of 16 points."""
 
-    wi: Any  # unit, towards the light
+    wi: Any  # unit vector to the light
     distance: Any  # to the light
-    radiance: Any  # arriving, over the density: I / r^2 for a point, L / pdf for an area
-    pdf: Any  # [1/sr] of wi given the light; 0: the light is a point or a direction
+    radiance: Any  # incident radiance / pdf; I / r^2 for a point light
+    pdf: Any  # [1/sr] of wi given the light; 0 for a delta light
 
 
 class LightKind(NamedTuple):
-    """What the kernels of one kind of light are given."""
+    """Arguments of the kernels of one kind of light."""
 
-    lights: Any  # its table
+    lights: Any  # the table of the kind
     index: int  # its row of `Lights.methods`
-    kind: NDArray[np.int32]  # that of every light
+    kind: NDArray[np.int32]  # (lights,) index of the kind of each light
     arithmetic: Any
-    sampled: float  # 1; 0: only found, as an even sky
+    sampled: float  # 1: has light samples; 0: found by BSDF samples alone
 
 
 @dataclass(frozen=True)
@@ -132,32 +132,32 @@ class LightPlugin:
     Parameters
     ----------
     name
-        Of the plugin in scene files.
+        Name of the plugin in scene files.
     description
-        The class that `read` returns.
+        Class of the scene description that `read` returns.
     read
-        Makes the description from the properties of a file.
+        Function of the properties of a file that returns the description.
     table
-        (lights in all, {light id: description}, a distance beyond the scene) -> the record
-        of the kind, columns by light id.
+        (number of all lights, {light id: description}, a distance beyond the scene) ->
+        the record of the kind, columns by light id. For a kind with textures, a further
+        argument is the `LightTextures` or None.
     at_infinity
-        Whether it is infinitely far away.
-        With textures a further argument are the `LightTextures`, or None.
+        Whether the light is infinitely far away.
     bounds
-        description -> `LightBounds`: place, directions and power. Lights are chosen by
-        them, and they tell which walls can never block the light.
+        description -> `LightBounds`: position, directions and power. They are used to
+        select lights, and to find surfaces that can never block them.
     texture
-        The attribute of the description that may be a texture, "" for none. Lights whose
-        textures are of different kinds, or without, are in tables of their own.
+        Attribute of the description that may be a texture; "" if none. Lights with
+        textures of different kinds, and lights without, are in separate tables.
     on_shapes
-        Whether it lies on a shape, in whose element it stands.
+        Whether the emitter is nested in a shape.
     environment
-        Whether rays that hit nothing find it: `environment_light` is implemented for it.
-        A scene has one at most.
+        Whether rays that hit nothing find it: it implements `environment_light`. A
+        scene has at most one.
     even
-        Whether it is an environment of one radiance from everywhere: BSDF samples alone,
-        which go where the BSDF reflects most, then mostly find it with less noise than
-        light samples, or both together (`Plan.finds_sky`).
+        Whether it is an environment of constant radiance. BSDF sampling alone then
+        mostly has less noise than light samples, or than MIS of both
+        (`Plan.finds_sky`).
     """
 
     name: str
@@ -179,13 +179,13 @@ def sample_light(
 ) -> LightSample:
     """Sample a direction from each of 16 points to a light of this kind, given by id.
 
-    `lights` are the kind's table, `kind` is the whole `LightKind`.
+    `lights` is the table of the kind, `kind` the whole `LightKind`.
     """
 
 
 @method_kernel
 def sample_lights_of(kind, points, numbers, samples, count):
-    """Sample those of the chosen lights that are of one kind, for the first points."""
+    """Sample the selected lights of one kind, for the first `count` points."""
     for i in range(0, count, 16):
         valid = first_lanes(count - i)
         light = load_row(samples.light, 0, i)

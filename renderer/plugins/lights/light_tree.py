@@ -1,6 +1,6 @@
-"""A tree over lights, by whose bounds one is chosen that can give most at a point.
+"""Bounds of lights for importance sampling, and a tree over many lights.
 
-Bounds of one light for importance sampling: its place, power and emitted directions.
+The bounds of a light are its position, power and emitted directions.
 """
 
 from __future__ import annotations
@@ -19,53 +19,53 @@ from renderer.plugins.lights.sky_by_place import NOWHERE
 from renderer.plugins.sampling.numbers_and_warps import MOST_BY_PAIR
 
 _ANY_WAY = (0.0, 0.0, 1.0)
-_CLOSED = 0.01  # the area vectors of a closed surface cancel but for rounding
+_CLOSED = 0.01  # relative length of the sum of area vectors that counts as a closed surface
 
 
 class LightBounds(NamedTuple):
-    """A ball that holds the light, and the cone that it shines into.
+    """A ball that contains the light, and the cone of its emission.
 
-    A light in a finite place gives about intensity / distance^2 to a surface that faces
-    it, one at infinity `strength` itself.
+    A finite light contributes about intensity / distance^2 to a surface that faces it; a
+    light at infinity contributes `strength` itself.
     """
 
     center: Any  # (3,) world
-    radius: float  # of the ball around it
+    radius: float  # of the bounding ball
     strength: float  # [W/sr], mean of RGB; at infinity the irradiance [W/m^2]
-    axis: Any  # (3,) unit: of the cone; at infinity towards the light
-    # [rad] Half angles. Within `spread` of the axis it shines in full, then as the cosine
-    # of the angle from there, and not at all `reach` farther on, at most pi / 2.
+    axis: Any  # (3,) unit: axis of the cone; at infinity towards the light
+    # [rad] Half angles. Up to `spread` from the axis emission is full. Beyond, it falls as
+    # the cosine of the angle to `spread`, and is 0 beyond spread + reach; reach <= pi / 2.
     spread: float
     reach: float
     at_infinity: bool = False
 
 
 def all_around(center: Any, intensity: float) -> LightBounds:
-    """Return the bounds of a point that shines everywhere."""
+    """Return the bounds of a point light that emits in all directions."""
     return LightBounds(center, 0.0, intensity, _ANY_WAY, math.pi, 0.0)
 
 
 def in_cone(
     center: Any, intensity: float, axis: Any, spread: float, reach: float
 ) -> LightBounds:
-    """Return the bounds of a point that shines into a cone around an axis of any length.
+    """Return the bounds of a point light that emits into a cone; `axis` has any length.
 
-    From 90 degrees beyond `spread` on the cosine is negative, and so would be the
-    probability of the light: where `reach` is more, `spread` takes the rest.
+    The cosine falloff is negative for angles beyond 90 degrees from `spread`. So if `reach`
+    exceeds 90 degrees, `spread` is increased by the rest.
     """
     rest = max(reach - 0.5 * math.pi, 0.0)
     return LightBounds(center, 0.0, intensity, _unit(axis), spread + rest, reach - rest)
 
 
 def from_direction(irradiance: float, to_light: Any) -> LightBounds:
-    """Return the bounds of a light at infinity that is seen in one direction."""
+    """Return the bounds of a light at infinity in one direction."""
     return LightBounds(
         np.zeros(3), 0.0, irradiance, _unit(to_light), 0.0, 0.0, at_infinity=True
     )
 
 
 def from_everywhere(radiance: float) -> LightBounds:
-    """Return the bounds of an environment of a mean radiance [W/m^2/sr]."""
+    """Return the bounds of an environment by its mean radiance [W/m^2/sr]."""
     irradiance = math.pi * radiance
     return LightBounds(
         np.zeros(3), 0.0, irradiance, _ANY_WAY, math.pi, 0.0, at_infinity=True
@@ -79,30 +79,31 @@ def on_surface(
     areas: NDArray[np.float64],
     radiance: float,
 ) -> LightBounds:
-    """Return the bounds of a surface that shines on the side of its normals.
+    """Return the bounds of a surface that emits on the side of its normals.
 
     Parameters
     ----------
     points, margin
-        (3, k, n) and (n,): primitive i is in the hull of points i, grown by margin i.
+        (3, k, n) and (n,): primitive i is in the hull of its k points, grown by its
+        margin.
     normals
-        (3, n) towards the side that shines; 0 where a primitive is not flat.
+        (3, n) on the emitting side; 0 where a primitive is not flat.
     areas
         (n,)
     radiance
-        The mean [W/m^2/sr].
+        Mean radiance [W/m^2/sr].
     """
     corners = points.reshape(3, -1)
     grown = np.broadcast_to(margin, points.shape[1:]).ravel()
     center = 0.5 * ((corners - grown).min(axis=1) + (corners + grown).max(axis=1))
     away = np.linalg.norm(corners - center[:, None], axis=0)
     axis = normals @ areas
-    facing = float(np.linalg.norm(axis))  # the area that is seen along the axis, if flat
+    facing = float(np.linalg.norm(axis))  # projected area along the axis, if flat
     spread = math.pi
     closed = facing < _CLOSED * areas.sum()
     if not closed and np.abs(normals).max(axis=0).all():
         spread = float(angles_from(axis / facing, normals.T).max())
-    # a convex surface is seen under a fourth of its area on average (Cauchy)
+    # the mean projected area of a convex surface is a fourth of its area (Cauchy)
     seen = max(facing, 0.25 * float(areas.sum()))
     return LightBounds(
         center,
@@ -117,8 +118,8 @@ def on_surface(
 def angles_from(axis: Any, others: Any) -> NDArray[np.float64]:
     """Return the angles [rad] between unit vectors (3,) and (n, 3).
 
-    By their distance, as the cosine of a small angle has lost it: of two equal normals in
-    single precision it makes 0.0002.
+    Computed from the distance of the vectors, since the arc cosine is inaccurate for small
+    angles: it gives 0.0002 for two equal normals in single precision.
     """
     apart = 0.5 * np.linalg.norm(others - axis, axis=1)
     return np.asarray(2.0 * np.arcsin(np.minimum(apart, 1.0)))
@@ -130,31 +131,31 @@ def _unit(axis: Any) -> NDArray[np.float64]:
 
 
 # --------------------------------------------------------------------------------- tree
-# The list and the trees of lights that points choose from, made from their bounds.
+# Builds the list and the trees of lights from their bounds.
 #
-# A node is split in the direction in which its lights (places and axes) differ most,
-# where the two halves differ least within themselves, weighed by what they give: the two
-# clusters that Ward's criterion selects [Ward1963], along one direction.
+# A node is split along the direction of the largest variance of its lights (in position
+# and axis), weighted by their strength. The split minimises the variance within the
+# halves: Ward's criterion [Ward1963] along one direction.
 
-# Up to this many finite lights are compared at each point; more form as many trees.
+# Up to this many finite lights are listed; more lights form this many trees.
 LISTED = 64
 WIDTH = 8  # children of a node of these trees
-# How far apart two axes a right angle apart are, in diagonals of the lights' box
+# Distance of two perpendicular axes, in diagonals of the lights' bounding box
 _TURN = 0.5
-_LEAST_SHARE = 8  # a part of so many of a node's lights at least is on each side
-# A ball's radius in diagonals of the lights' box at least: at the very place of a lamp
-# its importance stays finite.
+_LEAST_SHARE = 8  # each side of a split has at least 1 / 8 of the lights
+# Smallest radius of a ball, in diagonals of the lights' bounding box: keeps the importance
+# finite at the position of a light.
 _SMALLEST_RADIUS = 1e-5
 _LEAST_REACH = 0.01  # [rad] rounding at the edge of a cone
 
 
 class _Tree(NamedTuple):
-    """Nodes of two children each, which lie side by side behind their parents."""
+    """Binary tree; the two children of a node are adjacent, behind their parent."""
 
-    start: NDArray[np.int64]  # (m,) rank of the first light
+    start: NDArray[np.int64]  # (m,) rank of the node's first light
     stop: NDArray[np.int64]
-    child: NDArray[np.int64]  # (m,) first of two, -1: a leaf
-    order: NDArray[np.int64]  # (n,) light by rank
+    child: NDArray[np.int64]  # (m,) first of two children, -1: a leaf
+    order: NDArray[np.int64]  # (n,) light id by rank
 
     def lights(self, node: int) -> NDArray[np.int64]:
         """Return the lights below a node."""
@@ -170,24 +171,24 @@ def light_choice(
     by_place: bool = False,
     sampled: NDArray[np.int32] | None = None,
 ) -> LightChoice | None:
-    """Return the record that lights are chosen by; None for too many at infinity.
+    """Return the record for the selection of lights; None for too many at infinity.
 
     Parameters
     ----------
     bounds
-        By light id.
+        One for each light id.
     sides
         (BSDFs,) `importance.IN_FRONT`, `BOTH_SIDES` or `ANY_NORMAL`.
     environment
-        The light that rays find which hit nothing. -1 if there is none, or if it gets no
+        The light that rays find which hit nothing. -1 if there is none, or if it has no
         light samples.
     by_pair
-        The first number of a draw is better spread than the fourth, and chooses where
-        enough is left of it.
+        Whether the first random number selects the light, and is rescaled. It is better
+        stratified than the fourth.
     by_place
-        Points choose by their place alone, as those in media have no normal.
+        Whether the selection ignores surface normals; points in media have none.
     sampled
-        Which lights may be chosen; None: all.
+        Ids of the lights that may be selected; None: all.
     """
     able = np.arange(len(bounds)) if sampled is None else sampled
     table = _Columns.of(bounds)
@@ -196,7 +197,7 @@ def light_choice(
     if listed < 1:
         return None
     tree = _build(table, finite)
-    # in the order of the file, as far as they are lights
+    # in the order of the file, where the roots are single lights
     roots = _opened(tree, table, 0, listed) if finite.size else []
     nodes = sorted(roots, key=lambda node: int(tree.lights(node).min()))
     below = [tree.lights(node) for node in nodes] + [np.array([k]) for k in infinite]
@@ -208,7 +209,7 @@ def light_choice(
     children, child = [], []
     stop = [int(tree.stop[node]) for node in nodes] + [0] * len(infinite)
     nodes += [-1] * len(infinite)
-    for node, lights in zip(nodes, below, strict=False):  # both grow
+    for node, lights in zip(nodes, below, strict=False):  # the loop appends to both
         opened = [] if len(lights) == 1 else _opened(tree, table, node, WIDTH)
         children.append(len(opened))
         child.append(len(nodes) if opened else int(lights[0]))
@@ -255,12 +256,12 @@ class _Columns(NamedTuple):
 
     center: NDArray[np.float64]  # (n, 3)
     axis: NDArray[np.float64]  # (n, 3)
-    strength: NDArray[np.float64]  # (n,) in parts of the largest
+    strength: NDArray[np.float64]  # (n,) relative to the largest
     radius: NDArray[np.float64]
     spread: NDArray[np.float64]
     reach: NDArray[np.float64]
     at_infinity: NDArray[np.bool_]
-    diagonal: float  # of the box of the finite lights
+    diagonal: float  # of the bounding box of the finite lights
 
     @classmethod
     def of(cls, bounds: Sequence[LightBounds]) -> _Columns:
@@ -278,7 +279,7 @@ class _Columns(NamedTuple):
 
 
 def _build(table: _Columns, finite: NDArray[np.int64]) -> _Tree:
-    """Split until each node is one light; no lights make no nodes."""
+    """Split until each node is one light; without lights there are no nodes."""
     scale = 1.0 / max(table.diagonal, 1e-30) if table.diagonal > 0.0 else 0.0
     features = np.hstack([table.center * scale, table.axis * _TURN])
     weight = table.strength + 1e-3 * max(float(table.strength.mean()), 1e-30)
@@ -306,7 +307,7 @@ def _split(
     dimension = int(np.argmax(w @ (f - mean) ** 2))
     by_place = np.argsort(f[:, dimension], kind="stable")
     w, x = w[by_place], f[by_place, dimension] - mean[dimension]
-    # what the halves differ by between them, for each number of lights on the first side
+    # variance between the halves, for each number of lights on the first side
     left, moment = np.cumsum(w)[:-1], np.cumsum(w * x)[:-1]
     between = moment**2 / left + (moment - (w @ x)) ** 2 / (w.sum() - left)
     least = len(lights) // _LEAST_SHARE
@@ -315,7 +316,7 @@ def _split(
 
 
 def _opened(tree: _Tree, table: _Columns, node: int, count: int) -> list[int]:
-    """Return up to `count` nodes that hold all lights of a node; loose ones are opened."""
+    """Open large nodes; return up to `count` nodes that contain all lights of a node."""
 
     def vague(k: int) -> float:
         lights = tree.lights(k)
@@ -345,7 +346,7 @@ def _radius(table: _Columns, lights: Any) -> float:
 
 
 def _nodes(table: _Columns, lights: Sequence[Any]) -> LightNodes:
-    """Return the bounds of sets of lights, as the kernels see them."""
+    """Return the bounds of sets of lights as arrays for the kernels."""
     least = max(_SMALLEST_RADIUS * table.diagonal, 1e-18)
     rows = []
     for each in lights:

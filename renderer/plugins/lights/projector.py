@@ -1,7 +1,7 @@
-"""Projector: a point that throws a picture; at distance 1 on its axis pi times the colour.
+"""Projector: a point light with a textured slide. Mitsuba's `projector`.
 
-E = pi L(u, v) / (z^2 cos) cos_i: the pixels of a camera with the same field of view, seen
-backwards. Mitsuba's `projector`.
+E = pi L(u, v) / (z^2 cos) cos_i: a pinhole camera with the same field of view, reversed. At
+distance 1 on the axis the irradiance is pi times the texture's colour.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Projectors(NamedTuple):
 
     textures: LightTextures
     position: NDArray[np.float32]  # (4, n)
-    left: NDArray[np.float32]  # (4, n) local x, over the width of the slide at z = 1
-    up: NDArray[np.float32]  # (4, n) local y, over its height
+    left: NDArray[np.float32]  # (4, n) local x, divided by the slide's width at z = 1
+    up: NDArray[np.float32]  # (4, n) local y, divided by its height
     axis: NDArray[np.float32]  # (4, n) unit
     strength: NDArray[np.float32]  # (n,) pi times the scale
 
@@ -79,7 +79,7 @@ def table(
 
 
 def bounds(light: Projector) -> LightBounds:
-    """Return the bounds: the intensity on the axis, and a cone to the slide's corners."""
+    """Return the bounds: intensity on the axis, and a cone through the slide's corners."""
     width = 2.0 * np.tan(np.radians(0.5 * light.fov_x))
     corner = float(np.arctan(0.5 * np.hypot(width, width / light.aspect)))
     intensity = float(np.pi) * light.scale * mean_of(light.irradiance)
@@ -89,7 +89,7 @@ def bounds(light: Projector) -> LightBounds:
 @sample_light.by(Projectors)
 @kernel
 def sample_projector(projectors, kind, light, mask, position, x, y, z):
-    """Return the direction to the light, and the radiance through its slide."""
+    """Return the direction to the light, and the incident radiance through its slide."""
     to_light = gather_vectors(projectors.position, light, mask) - position
     r = length(to_light)
     along = -dot(to_light, gather_vectors(projectors.axis, light, mask))

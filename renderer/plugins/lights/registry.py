@@ -1,4 +1,4 @@
-"""All kinds of emitter: one line makes a kind known."""
+"""Registers all kinds of emitter."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ LIGHTS: dict[str, LightPlugin] = {
 
 
 def plugin_of(emitter: object) -> LightPlugin:
-    """Return the kind of an emitter of the description."""
+    """Return the plugin of an emitter of the scene description."""
     return next(kind for kind in LIGHTS.values() if isinstance(emitter, kind.description))

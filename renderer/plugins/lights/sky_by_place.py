@@ -1,9 +1,9 @@
-"""What each place sees of an environment, so that light samples go to windows.
+"""Visibility of an environment by position: indoors, light samples go through windows.
 
-Indoors most directions to a sky are blocked. A grid of cells holds, for each cell, the top
-of the pyramid that chooses directions (`hierarchical_warp`) with its sums weighted by how
-much of each part of the sky points nearby see. A share of all samples ignores that, so that
-what was not seen adds noise, but never a bias.
+Indoors most directions to the sky are blocked. Each cell of a grid stores the top of the
+pyramid that samples directions (`hierarchical_warp`), with its sums weighted by the
+fraction of each part of the sky that is visible from points in the cell. A fraction of all
+samples ignores visibility, so parts that were not seen add noise, but no bias.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from renderer.plugins.sampling.hierarchical_warp import (
 )
 
 UNSEEN = 0.05
-"""The share of samples that ignore what is seen: densities are at least this share of those
-without cells. With a sun it counts twice: for the sky's samples, and for its parts."""
+"""Fraction of samples that ignore visibility: pdfs are at least this fraction of those
+without cells. With a sun it applies twice: between sun and sky, and within the sky."""
 MOST_PARTS = 512
-"""Of the sky, of which each cell knows how much is seen; a part is 11 degrees wide then."""
+"""Largest number of parts of the sky whose visibility is stored; about 11 degrees wide."""
 
 _LEAST = 1e-30
 
@@ -41,29 +41,29 @@ Floats = NDArray[np.float64]
 
 @table_columns("blocks")
 class SkyByPlace(NamedTuple):
-    """Row 0 of the tables is for places outside of all cells: they see the whole sky."""
+    """Row 0 of the tables is for positions outside of all cells: no occlusion."""
 
-    levels: int  # of the pyramid that each cell has itself; 0: there are no cells
-    low: NDArray[np.float32]  # (3,) corner of the grid, world
-    cells: float  # per unit of length
-    size: NDArray[np.int32]  # (3,) cells along x, y, z
-    row: NDArray[np.int32]  # (x y z,) of each cell, x first
+    levels: int  # levels of the pyramid that each cell replaces; 0: there are no cells
+    low: NDArray[np.float32]  # (3,) lower corner of the grid, world
+    cells: float  # cells per unit of length
+    size: NDArray[np.int32]  # (3,) number of cells along x, y, z
+    row: NDArray[np.int32]  # (x y z,) table row of each cell, x fastest
     blocks: NDArray[np.float32]  # (4, rows n) the first n blocks of `Warp.blocks`, by row
     count: int  # n
-    inverse: NDArray[np.float32]  # (parts,) 1 / what each part of the sky gives
-    columns: int  # of parts
-    # (rows,) irradiance relative to that of a whole sky of the same mean, at most 1
+    inverse: NDArray[np.float32]  # (parts,) 1 / probability of each part without cells
+    columns: int  # number of columns of parts
+    # (rows,) irradiance relative to an unoccluded sky of the same mean radiance, at most 1
     share: NDArray[np.float32]
-    sky: NDArray[np.float32]  # (rows,) share of samples that go to the sky, not to a sun
+    sky: NDArray[np.float32]  # (rows,) probability of sampling the sky and not the sun
 
 
 class Cells(NamedTuple):
-    """Where cells are."""
+    """The grid of cells."""
 
-    low: Floats  # (3,) corner of the grid, world
+    low: Floats  # (3,) lower corner of the grid, world
     width: float  # of a cell
-    size: NDArray[np.int64]  # (3,) cells along x, y, z
-    row: NDArray[np.int64]  # (x y z,) row of each cell, from 1 on; 0: none
+    size: NDArray[np.int64]  # (3,) number of cells along x, y, z
+    row: NDArray[np.int64]  # (x y z,) table row of each cell, from 1 on; 0: no cell
 
 
 NOWHERE = SkyByPlace(
@@ -79,18 +79,18 @@ NOWHERE = SkyByPlace(
     np.ones(1, np.float32),
     np.ones(1, np.float32),
 )
-"""There are no cells: all places sample the whole sky."""
+"""No cells: the visibility is 1 everywhere."""
 
 
 def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
-    """Return the levels above the parts of the sky, and what each part gives.
+    """Return the number of levels above the parts of the sky, and each part's probability.
 
     Returns
     -------
     levels : int
         At least 1; a warp has two patches or more.
     gives : ndarray of shape (rows, columns)
-        Their sum is 1. Parts beyond the edge of the image give 0.
+        Sums to 1. Parts beyond the edge of the image have probability 0.
     """
     ends = [*warp.start[1:], warp.blocks.shape[1]]
     levels = 0
@@ -102,7 +102,7 @@ def parts_of_sky(warp: Warp) -> tuple[int, Floats]:
     parts = blocks.reshape(2, 2, -1, across).transpose(2, 0, 3, 1)
     gives = parts.reshape(-1, 2 * across)
     gives = gives / gives.sum()
-    # less is 0 in single precision, or has no inverse there: it is never chosen
+    # smaller ones are 0 in single precision or have no inverse there: never sampled
     return levels, np.where(gives < _LEAST, 0.0, gives)
 
 
@@ -114,11 +114,11 @@ def sky_by_place(
     Parameters
     ----------
     seen : ndarray of shape (rows of cells, rows, columns)
-        How much of each part of the sky is seen in a cell, in [0, 1].
+        Visible fraction of each part of the sky from a cell, in [0, 1].
     sun : ndarray of shape (rows of cells,)
-        The same of a sun.
+        Visible fraction of the sun.
     sky_gives : float
-        The part of all light that does not come from that sun; 1 without one.
+        The sky's fraction of all light; 1 without a sun.
     """
     levels, gives = parts_of_sky(warp)
     lit = gives * seen
@@ -143,14 +143,14 @@ def sky_by_place(
         table.shape[2],
         np.ascontiguousarray(inverse.ravel(), np.float32),
         gives.shape[1],
-        # twice: a surface sees half of all directions at most
+        # times 2: a surface sees at most half of all directions
         np.append(1.0, np.minimum(2.0 * both, 1.0)).astype(np.float32),
         sky.astype(np.float32),
     )
 
 
 def in_world(rotation: NDArray[np.float32], local: Iterable[Floats]) -> Floats:
-    """Return directions (3, n) of their local x, y and z.
+    """Return world space directions (3, n) for local x, y and z.
 
     Without `@`, whose last bits depend on the processor.
     """
@@ -161,7 +161,7 @@ def in_world(rotation: NDArray[np.float32], local: Iterable[Floats]) -> Floats:
 
 @kernel
 def place_at(places, position, mask):
-    """Return the rows of the cells that positions are in."""
+    """Return the table rows of the cells that contain positions."""
     low, size, cells = places.low, places.size, np.float32(places.cells)
     x = (position.x - low[0]) * cells
     y = (position.y - low[1]) * cells
@@ -176,19 +176,19 @@ def place_at(places, position, mask):
 
 @kernel
 def share_at(places, position, mask):
-    """Return how much of the sky's irradiance arrives at positions."""
+    """Return the visible fraction of the sky's irradiance at positions."""
     return gather_row(places.share, 0, place_at(places, position, mask), mask)
 
 
 @kernel
 def sky_share_at(places, position, mask):
-    """Return the share of samples at positions that go to the sky, not to a sun."""
+    """Return the probability at positions of sampling the sky and not the sun."""
     return gather_row(places.sky, 0, place_at(places, position, mask), mask)
 
 
 @kernel
 def sample_by_place(places, warp, position, x, y, mask):
-    """Map numbers in [0, 1) to (u, v) of the unit square, as places see it.
+    """Map numbers in [0, 1) to (u, v) of the unit square, by visibility at a position.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def sample_by_place(places, warp, position, x, y, mask):
 
 @kernel
 def density_by_place(places, warp, position, u, v, mask):
-    """Return the density with which `sample_by_place` chooses points of the square."""
+    """Return the pdf of `sample_by_place` in (u, v)."""
     density = warp_density(warp, u, v, mask)
     if places.levels == 0:
         return density
@@ -221,7 +221,7 @@ def density_by_place(places, warp, position, u, v, mask):
 
 @kernel
 def _ratio(places, warp, row_of_place, column, row, mask):
-    """Return the density at patches, relative to that of all places."""
+    """Return the pdf at patches, relative to the pdf without visibility."""
     below = np.int32(warp.start.size - places.levels)
     column, row = column >> below, row >> below
     last = places.levels - 1

@@ -1,12 +1,12 @@
-"""The sun and the sky of Hosek and Wilkie: the numbers of one sky, in NumPy.
+"""Sky and sun model of Hosek and Wilkie: coefficients for one sky, in NumPy.
 
-Their model of the sky [Hosek2012] and of the sun [Hosek2013] is a table that was fitted to
-an atmosphere's simulation: nine parameters of a formula and a radiance, by turbidity,
-albedo of the ground and elevation of the sun. `sunsky.npz` has what Mitsuba's `sunsky` uses
-of it in RGB, in single precision as there; docs/make_sunsky_tables.py made the file.
+The models of the sky [Hosek2012] and of the sun [Hosek2013] are tables fitted to a
+simulation of the atmosphere: nine coefficients of a formula and a radiance, by turbidity,
+ground albedo and elevation of the sun. `sunsky.npz` has the part that Mitsuba's `sunsky`
+uses, in RGB and in single precision; docs/make_sunsky_tables.py created it.
 
-Directions are local: z is up. What depends on no direction is computed here, in double
-precision but where Mitsuba's rounding is part of the result.
+Directions are local: z is up. What does not depend on the direction is computed here, in
+double precision except where Mitsuba's rounding affects the result.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from renderer.scene_file.description import SunSky
 
 Array = NDArray[np.float64]
 
-APERTURE = 0.5358  # [deg] of the real sun, for which the tables are
-# Integral of the CIE's luminance over nm, by which Mitsuba divides; and what makes a
-# colour of a mean over the bands of the sun's spectrum.
+APERTURE = 0.5358  # [deg] of the real sun, on which the tables are based
+# Integral of CIE Y over wavelength [nm], by which Mitsuba divides; and the factor from a
+# mean over the bands of the sun's spectrum to RGB.
 _Y = 106.7502593994140625
 _SUN_TO_RGB = 467.069280386
-_BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six points
+_BINOMIALS = np.array([1, 5, 10, 10, 5, 1])  # of a Bezier curve with six control points
 _BELOW_ONE = 1.0 - 2.0**-24
-# 1 - x^2 / 2 + x^4 (...) up to 45 degrees, of DrJit.
+# DrJit's cosine up to 45 degrees: 1 - x^2 / 2 + x^4 (these coefficients)
 _COSINE = (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5)
-# The cosine of a right angle in single precision: in Mitsuba a lower sun gives no light.
+# The cosine of a right angle in single precision: a lower sun emits nothing in Mitsuba.
 _HORIZON = 4.4e-8
 
 
 class Sky(NamedTuple):
-    """One sky in its local frame; all radiances are 0 if the sun is below the horizon."""
+    """Coefficients in the local frame; all radiances are 0 for a sun below the horizon."""
 
     sun: Array  # (3,) unit, towards its centre
     risen: bool
-    parameters: Array  # (9, 3) of the formula, by channel
-    radiance: Array  # (3,) its factor
-    disk: Array  # (3,) radiance of a sun of one colour
-    limb: Array  # (45, 3, 4, 6) of one with a limb, by segment of elevation
-    cosine: float  # of half the aperture, a float32: where the sun ends
-    share: float  # of samples that go to the sky, a float32; the sun has the rest of 1
-    warp: Array  # (5,) share of the peak, slope of the rest; the peak's mean and deviations
-    mean: float  # radiance over all directions, sun included
+    parameters: Array  # (9, 3) coefficients of the formula, by channel
+    radiance: Array  # (3,) factor of the formula
+    disk: Array  # (3,) radiance of a sun without limb darkening
+    limb: Array  # (45, 3, 4, 6) coefficients of a sun with it, by segment of elevation
+    cosine: float  # cosine of the sun's angular radius, a float32
+    share: float  # probability of sampling the sky and not the sun, a float32
+    warp: Array  # (5,) probability of the peak, slope of the rest; mean, deviations
+    mean: float  # mean radiance over all directions, sun included
 
 
 @functools.cache
@@ -67,14 +67,14 @@ def tables() -> dict[str, Array]:
 
 
 def between(table: Array, place: float) -> Array:
-    """Return a table's entry at a place on its first axis, linear between two of them."""
+    """Return a table's entry at `place` on its first axis, interpolated linearly."""
     place = min(max(place, 0.0), len(table) - 1.0)
     low = min(int(place), len(table) - 2)
     return np.asarray(table[low] + (table[low + 1] - table[low]) * (place - low))
 
 
 def make_sky(light: SunSky) -> Sky:
-    """Return the numbers of a sky."""
+    """Return the coefficients of a sky."""
     sun = np.linalg.inv(light.to_world[:3, :3]) @ np.array(light.sun_direction)
     sun /= np.linalg.norm(sun)
     elevation = math.atan2(sun[2], math.hypot(sun[0], sun[1]))
@@ -96,7 +96,7 @@ def make_sky(light: SunSky) -> Sky:
     sky_power = light.sky_scale * float(between(of_turbidity["sky_power"], step))
     sun_power = light.sun_scale * float(between(of_turbidity["sun_power"], step))
     cosine, real = half_cosine(light.sun_aperture), half_cosine(APERTURE)
-    larger = (1.0 - real) / (1.0 - cosine)  # a larger sun has less radiance
+    larger = (1.0 - real) / (1.0 - cosine)  # the radiance of a larger sun is smaller
     both = sky_power + sun_power * larger
     sun_scale = light.sun_scale * larger * _SUN_TO_RGB / _Y if risen else 0.0
     sky_scale = light.sky_scale / _Y if risen else 0.0
@@ -116,10 +116,10 @@ def make_sky(light: SunSky) -> Sky:
 
 
 def half_cosine(aperture: float) -> float:
-    """Return the cosine of half an angle [deg], as Mitsuba's in single precision.
+    """Return the cosine of half an angle [deg], with Mitsuba's single precision rounding.
 
-    The solid angle, 2 pi (1 - cosine), is 0.2 % off for the real sun, there as here: it
-    takes that very rounding, which is not always the nearest below 45 degrees.
+    The solid angle 2 pi (1 - cosine) of the real sun has an error of 0.2 %, as in Mitsuba.
+    Below 45 degrees the result is not always the nearest float32.
     """
     half = np.float32(0.5) * np.float32(aperture) * np.float32(math.pi / 180.0)
     if half >= np.float32(0.25 * math.pi):
@@ -130,7 +130,7 @@ def half_cosine(aperture: float) -> float:
 
 
 def _fused(a: float, b: float, c: float) -> np.float32:
-    """Return a b + c, rounded once."""
+    """Return a b + c, rounded once (fused multiply-add)."""
     return np.float32(float(a) * float(b) + float(c))
 
 
@@ -138,7 +138,7 @@ def _fused(a: float, b: float, c: float) -> np.float32:
 
 
 class SkyWarp(NamedTuple):
-    """How directions of the sky are chosen, by c, the cosine to the zenith, and azimuth."""
+    """Sampling of the sky by c, the cosine to the zenith, and azimuth."""
 
     peak: float  # share of the normal distribution
     slope: float  # of the rest: c = slope x / sqrt(1 + x^2 (slope^2 - 1))
@@ -158,7 +158,7 @@ class SkyWarp(NamedTuple):
 
 
 def sky_warp(numbers: Array, azimuth: float) -> SkyWarp:
-    """Return what samples of the sky need, from `Sky.warp` and the sun's azimuth."""
+    """Return the sampling parameters, from `Sky.warp` and the sun's azimuth."""
     peak, slope, mean, spread_c, spread_azimuth = map(float, numbers)
     below_c, above_c = (_normal_share((c - mean) / spread_c) for c in (0.0, 1.0))
     below, above = (_normal_share(a / spread_azimuth) for a in (-math.pi, math.pi))
@@ -183,5 +183,5 @@ def sky_warp(numbers: Array, azimuth: float) -> SkyWarp:
 
 
 def _normal_share(x: float) -> float:
-    """Return the share of the standard normal distribution below x."""
+    """Return the cumulative standard normal distribution at x."""
     return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))

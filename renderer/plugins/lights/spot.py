@@ -40,15 +40,15 @@ class SpotLights(NamedTuple):
     cos_beam: NDArray[np.float32]  # (n,)
     cutoff: NDArray[np.float32]  # (n,) [rad]
     inverse_transition: NDArray[np.float32]  # (n,) 1 / (cutoff - beam width) [1/rad]
-    across: Any  # with textures: SpotSquares, else None
+    across: Any  # with textures, `SpotSquares`; else None
 
 
 @table_columns("right", "up")
 class SpotSquares(NamedTuple):
-    """The squares that textures fill, at z = 1 of each light; columns by light id."""
+    """The squares at z = 1 of each light that textures cover; columns by light id."""
 
     textures: LightTextures
-    right: NDArray[np.float32]  # (4, n) local x axis, over twice the half width
+    right: NDArray[np.float32]  # (4, n) local x axis, divided by twice the half width
     up: NDArray[np.float32]  # (4, n)
 
 
@@ -62,7 +62,7 @@ def read(properties: Any) -> SpotLight:
             "a transform that distorts the cone",
             "a rotation, translation and uniform scale",
         )
-    to_world[:3, :3] /= lengths  # the size of a point means nothing
+    to_world[:3, :3] /= lengths  # a scale has no effect on a point light
     cutoff = properties.number("cutoff_angle", 20.0, above=0.0, at_most=180.0)
     beam = properties.number("beam_width", 0.75 * cutoff, at_least=0.0, at_most=cutoff)
     intensity = read_color(properties, "intensity", 1.0, Use.EMISSION)
@@ -97,7 +97,7 @@ def table(
         number_column(count, {i: np.cos(a) for i, a in cutoff.items()}),
         number_column(count, {i: np.cos(a) for i, a in beam.items()}),
         number_column(count, cutoff),
-        # the inverse of a narrower one leaves float32; there the edge is sharp
+        # narrower transitions have no inverse in float32; there the edge is sharp
         number_column(count, {i: 1.0 / w if w > 1e-30 else 0.0 for i, w in widths.items()}),
         None if textures is None else _squares(count, lights, textures),
     )
@@ -126,7 +126,7 @@ def bounds(light: SpotLight) -> LightBounds:
 
 @kernel
 def _through_slide(radiance, square, light, wi, cosine, mask):
-    """Return a radiance in the direction -wi, multiplied by the lights' textures."""
+    """Return the radiance, multiplied by the lights' textures in the direction -wi."""
     if square is None:
         return radiance
     along = -1.0 / select(cosine > 0.0, cosine, splat_f32(1.0))
@@ -155,7 +155,7 @@ def axis_cosine(spots, light, wi, mask):
 
 @kernel
 def falling_off(spots, light, to_light, cosine, falloff, mask):
-    """Return the sample of lights in the direction `to_light`."""
+    """Return the light samples in the direction `to_light`."""
     r = length(to_light)
     wi = to_light / r
     radiance = gather_vectors(spots.intensity, light, mask) * (
@@ -168,7 +168,7 @@ def falling_off(spots, light, to_light, cosine, falloff, mask):
 @sample_light.by(SpotLights)
 @kernel
 def sample_spot(spots, kind, light, mask, position, x, y, z):
-    """Return the direction to the light, and its radiance at that angle from the axis."""
+    """Return the direction to the light, and the incident radiance."""
     to_light = gather_vectors(spots.position, light, mask) - position
     cosine = axis_cosine(spots, light, to_light / length(to_light), mask)
     falloff = spot_falloff(spots, light, cosine, arccos(cosine), mask)

@@ -1,4 +1,4 @@
-"""Where the sun stands: a direction of the file, or by place and time."""
+"""Position of the sun: a direction given in the file, or from place and time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_TIMES = {  # least and most of what says where and when
+_TIMES = {  # smallest and largest value of each property
     "latitude": (-90.0, 90.0),
     "longitude": (-360.0, 360.0),
     "timezone": (-24.0, 24.0),
@@ -22,7 +22,7 @@ _TIMES = {  # least and most of what says where and when
 
 
 class Moment(NamedTuple):
-    """When and where; the defaults are Mitsuba's."""
+    """Place and time; the defaults are Mitsuba's."""
 
     latitude: float = 35.6894  # [deg]
     longitude: float = 139.6917  # [deg] east
@@ -36,12 +36,12 @@ class Moment(NamedTuple):
 
 
 def sun_at(when: Moment) -> NDArray[np.float64]:
-    """Return the direction to the sun: +x where it is at noon in the north, morning at -y.
+    """Return the unit direction to the sun: +x is south, -y is east, +z is up.
 
-    The formulas of [BlancoMuriel2001] in single precision, with the fused multiply-adds of
-    Mitsuba's wheels. There the Julian date moves in steps of a quarter of a day, which
-    moves the unit vector by up to 8e-4. Of 300 dates the median is off its direction by
-    2e-7, the worst, where a sine rounds another way, by 1.5e-5.
+    The formulas are those of [BlancoMuriel2001] in single precision, with the fused
+    multiply-adds of Mitsuba's wheels. There the Julian date has steps of a quarter of a
+    day, which moves the unit vector by up to 8e-4. For 300 dates the median difference from
+    Mitsuba's direction is 2e-7; the largest, where a sine rounds differently, is 1.5e-5.
     """
     f = np.float32
     hours = f(when.hour) - f(when.timezone)
@@ -74,13 +74,13 @@ def sun_at(when: Moment) -> NDArray[np.float64]:
     theta = np.arccos(np.clip(height, f(-1), f(1)))
     along = _sum(-(sine * np.cos(angle)), np.tan(declination), cosine)
     phi = float(np.arctan2(-np.sin(angle), along) - f(math.pi))
-    # seen from the ground, not from the Earth's centre: its radius over the sun's distance
+    # parallax: the radius of the Earth over the distance of the sun
     t = float(_sum(theta, 6371.01 / 149597890, np.sin(theta)))
     return np.array([math.sin(t) * math.cos(phi), math.sin(t) * math.sin(phi), math.cos(t)])
 
 
 def _sum(a: Any, b: Any, c: Any) -> Any:
-    """Return a + b c of float32, rounded once."""
+    """Return a + b c in float32, rounded once."""
     f = np.float32
     return f(float(f(a)) + float(f(b)) * float(f(c)))
 
@@ -91,7 +91,7 @@ def _quotient(a: int, b: int) -> int:
 
 
 def read_sun_direction(properties: Any, to_world: Any) -> tuple[float, float, float]:
-    """Return the unit direction to the sun in the world: as given, or by place and time."""
+    """Return the world space unit direction to the sun, given or from place and time."""
     defaults, values = Moment(), {}
     given = [name for name in _TIMES if properties.has(name)]
     for name, (least, most) in _TIMES.items():
@@ -106,6 +106,6 @@ def read_sun_direction(properties: Any, to_world: Any) -> tuple[float, float, fl
         sun = np.array(properties.vector("sun_direction", None))
         if not sun.any():
             properties.fail("sun_direction", "the zero vector", "a direction")
-        sun = sun / np.abs(sun).max()  # so that no square under- or overflows
+        sun = sun / np.abs(sun).max()  # squares neither underflow nor overflow
     x, y, z = (float(value) for value in sun / np.linalg.norm(sun))
     return x, y, z

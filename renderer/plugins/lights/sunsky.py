@@ -1,10 +1,10 @@
 """Sun and sky: radiance by direction from the model of `sky_model`. Mitsuba's `sunsky`.
 
-The sun is a cone whose directions are equally likely. The sky is chosen from two densities
-over the cosine c to the zenith and the azimuth: a normal distribution around the azimuth of
-the sun, cut off at the horizon and on the far side, and one that brightens the horizon.
-Where places see little of the sky, it is chosen from a map of nearly the same density, as
-places see it (`sky_by_place`).
+The sun is sampled uniformly in a cone. The sky is sampled from a mixture of two pdfs over
+the cosine c to the zenith and the azimuth: a normal distribution around the sun's azimuth,
+truncated at the horizon and on the opposite side, and one that favours the horizon. If
+sampling uses visibility by position (`sky_by_place`), the sky is sampled instead from a
+piecewise map of nearly the same pdf.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ from renderer.scene_file.description import SunSky
 _HALF_PI = np.float32(0.5 * np.pi)
 _ROOT_2 = np.float32(np.sqrt(2.0))
 _BY_SOLID_ANGLE = np.float32(1.0 / np.pi**2)  # du dv = pi^2 sin dw, of the upper half
-_LEAST = np.float32(2.0**-24)  # of a probability that is turned into a deviation
-_SEGMENTS = 45  # of the sun's elevation
+_LEAST = np.float32(2.0**-24)  # smallest probability that is inverted to a normal deviate
+_SEGMENTS = 45  # of the sun's elevation, for limb darkening
 _LAST = np.int32(_SEGMENTS - 1)
-_CHANNEL, _POWER = 24, 6  # rows of `limb` for each
-_MOST_SCALE = 1e20  # the smallest sun is still below 1e30
+_CHANNEL, _POWER = 24, 6  # rows of `limb` for each channel, and power of the elevation
+_MOST_SCALE = 1e20  # with it the radiance of the smallest sun is below 1e30
 
 # -------------------------------------------------------------------------------- reader
 
@@ -121,31 +121,31 @@ def read(properties: Any) -> SunSky:
 class SunSkies(NamedTuple):
     """The environment; at most one. Directions are local: z is up."""
 
-    # (30, 1) nine parameters of the model and a factor of all, by channel
+    # (30, 1) nine coefficients of the formula and its factor, by channel
     coefficients: NDArray[np.float32]
     sun: NDArray[np.float32]  # (3, 1) unit, towards its centre
-    disk: NDArray[np.float32]  # (3, 1) radiance of a sun of one colour
-    # (72, 45) coefficients of one with a limb, by channel, power of the elevation and power
-    # of the cosine on the sun; columns by segment of the elevation
+    disk: NDArray[np.float32]  # (3, 1) radiance of a sun without limb darkening
+    # (72, 45) coefficients of a sun with limb darkening, by channel, power of the elevation
+    # and power of the cosine on the sun; columns by segment of the elevation
     limb: NDArray[np.float32]
     has_limb: int
-    cosine: float  # where the sun ends, and 1 less that
+    cosine: float  # of the sun's angular radius; then 1 minus it
     height: float
-    inverse_sine2: float  # 1 / sine^2 of there
-    share: float  # of samples that go to the sky
-    sky_density: float  # of them, in all densities; 0 if the sun is below the horizon
-    sun_density: float  # [1/sr] of samples of the sun; 0 likewise
+    inverse_sine2: float  # 1 / squared sine of the sun's angular radius
+    share: float  # probability of sampling the sky and not the sun
+    sky_density: float  # the same in all pdfs; 0 if the sun is below the horizon
+    sun_density: float  # [1/sr] pdf of samples of the sun; 0 likewise
     lobes: SkyWarp
-    # (u, v) of the upper half: azimuth / 2 pi, angle to the zenith / (pi / 2); as `lobes`,
-    # for samples by place
+    # (u, v) of the upper half: azimuth / 2 pi, angle to the zenith / (pi / 2); nearly the
+    # pdf of `lobes`, for samples by position
     warp: Warp
-    places: SkyByPlace  # what each place sees of it
+    places: SkyByPlace  # visibility of the sky by position
     to_world: NDArray[np.float32]  # (3, 3) a rotation
-    to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
-    distance: float  # beyond the whole scene
+    to_local: NDArray[np.float32]  # (3, 3) its inverse; files round their rotations
+    distance: float  # of light samples: beyond the whole scene
 
     def directions(self, u: Floats, v: Floats) -> Floats:
-        """Return the directions (3, n) of points of the warp's square, world."""
+        """Return the world space directions (3, n) of points of the warp's square."""
         azimuth, angle = 2.0 * np.pi * u, 0.5 * np.pi * v
         across = np.sin(angle)
         local = across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)
@@ -153,12 +153,12 @@ class SunSkies(NamedTuple):
 
     @property
     def sun_direction(self) -> Floats | None:
-        """Towards the sun, (3, 1) world; None if it gives nothing."""
+        """Direction to the sun, (3, 1) world; None if the sun emits nothing."""
         shines = self.sun_density > 0.0 and self.share < 1.0
         return in_world(self.to_world, self.sun.astype(np.float64)) if shines else None
 
     def with_places(self, cells: Cells, seen: Floats, sun: Floats) -> SunSkies:
-        """Return the same, of which places see what is given (`sky_by_place`)."""
+        """Return a copy with the given visibility by position (`sky_by_place`)."""
         return self._replace(places=sky_by_place(self.warp, cells, seen, sun, self.share))
 
 
@@ -192,7 +192,7 @@ def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
 
 
 def _warp_of(lobes: SkyWarp) -> Warp:
-    """Return nearly the density of `_in_sky`, by pieces."""
+    """Return a piecewise approximation of the pdf of `_in_sky`."""
     v, u = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.0, 1.0, 65), indexing="ij")
     c = np.cos(0.5 * np.pi * v)
     away = (2.0 * np.pi * u - lobes.azimuth + np.pi) % (2.0 * np.pi) - np.pi
@@ -222,14 +222,14 @@ def _of_sky(sky, c, chord2):
     """Return the radiance of the sky [Hosek2012].
 
     `c` is the cosine to the zenith, `chord2` the squared distance of the direction's tip
-    from the sun's: next to the sun it has the digits that the cosine between them lacks.
+    from the sun's. Near the sun it is more accurate than the cosine of the angle.
     """
     k = sky.coefficients
     chord = sqrt(chord2)
     angle = 2.0 * arctan2(chord, sqrt(maximum(4.0 - chord2, splat_f32(0.0))))
     cos2 = (1.0 - 0.5 * chord2) * (1.0 - 0.5 * chord2)
     horizon = column3(k, 0, 0) * _exp3(column3(k, 3, 0) * (1.0 / (c + 0.01))) + 1.0
-    # 1 + h^2 - 2 h cos, of the glow around the sun
+    # 1 + h^2 - 2 h cos, for the glow around the sun
     h = column3(k, 24, 0)
     glow = (1.0 - h) * (1.0 - h) + h * chord2
     root = vec3(sqrt(glow.x), sqrt(glow.y), sqrt(glow.z))
@@ -254,9 +254,9 @@ def _series(limb, row, segment, x, psi, mask):
 
 @kernel
 def _of_limb(sky, c, chord2, mask):
-    """Return the radiance of a sun that is darker towards its edge [Hosek2013].
+    """Return the radiance of a sun with limb darkening [Hosek2013].
 
-    By cubics in the direction's elevation, in segments of equal length in its cube root.
+    Cubics in the elevation, for segments of equal length in its cube root.
     """
     elevation = maximum(_HALF_PI - arccos(c), splat_f32(0.0))
     place = power(elevation * (np.float32(1.0) / _HALF_PI), splat_f32(1.0 / 3.0))
@@ -275,9 +275,9 @@ def _of_limb(sky, c, chord2, mask):
 
 @kernel
 def _look_up(sky, position, local, in_sun, mask):
-    """Return the radiance from local directions, and their density [1/sr] at positions.
+    """Return the radiance from local directions, and the pdf [1/sr] at positions.
 
-    `in_sun` is set where a direction was chosen in the sun, whatever its rounding says.
+    `in_sun` is set for directions sampled in the sun, which rounding may put outside.
     """
     sun, c = column(sky.sun, 0), local.z
     apart = local - sun
@@ -310,7 +310,7 @@ def _look_up(sky, position, local, in_sun, mask):
 
 @kernel
 def _sky_density(warp, local):
-    """Return the density [1/sr] of `_in_sky`, which is that by c and azimuth."""
+    """Return the pdf [1/sr] of `_in_sky`, from its pdf by c and azimuth."""
     c = local.z
     rest = 1.0 + c * c * np.float32(warp.rest_slope)
     rest = np.float32(warp.rest_density) / (rest * sqrt(rest))
@@ -326,7 +326,7 @@ def _sky_density(warp, local):
 
 @kernel
 def _density_by_place(sky, position, local, mask):
-    """Return the density [1/sr] of `_in_sky_by_place`, above the horizon."""
+    """Return the pdf [1/sr] of `_in_sky_by_place`, above the horizon."""
     azimuth = arctan2(local.y, local.x) * np.float32(1.0 / TWO_PI)
     u = select(azimuth < 0.0, azimuth + 1.0, azimuth)
     v = arccos(local.z) * (np.float32(1.0) / _HALF_PI)
@@ -337,7 +337,7 @@ def _density_by_place(sky, position, local, mask):
 
 @kernel
 def _in_sky_by_place(sky, position, x, y, mask):
-    """Return a local direction above the horizon that a place sees."""
+    """Sample a local direction above the horizon, by visibility at a position."""
     u, v, _ = sample_by_place(sky.places, sky.warp, position, x, y, mask)
     sine, c = sincos(v * _HALF_PI)
     across, along = sincos(u * TWO_PI)
@@ -346,7 +346,7 @@ def _in_sky_by_place(sky, position, x, y, mask):
 
 @kernel
 def _deviation(x, below, within):
-    """Return a standard normal deviate, of those that a share `below` is less than."""
+    """Return a normal deviate, truncated to the probabilities [below, below + within]."""
     share = np.float32(below) + x * np.float32(within)
     share = minimum(maximum(share, splat_f32(_LEAST)), splat_f32(np.float32(1.0) - _LEAST))
     return _ROOT_2 * erfinv(2.0 * share - 1.0)
@@ -354,7 +354,7 @@ def _deviation(x, below, within):
 
 @kernel
 def _in_sky(warp, x, y):
-    """Return a local direction above the horizon."""
+    """Sample a local direction above the horizon."""
     peak, slope = splat_f32(np.float32(warp.peak)), np.float32(warp.slope)
     near = x < peak
     c = _deviation(x / peak, warp.below_c, warp.within_c)
@@ -372,7 +372,7 @@ def _in_sky(warp, x, y):
 
 @kernel
 def _in_sun(sky, x, y):
-    """Return a local direction in the sun, all equally likely."""
+    """Sample a local direction in the sun, uniformly."""
     p, q = square_to_disk(x, y)
     r2 = p * p + q * q
     height = np.float32(sky.height)
@@ -387,7 +387,7 @@ def _in_sun(sky, x, y):
 @sample_light.by(SunSkies)
 @kernel
 def _sample_sunsky(sky, kind, light, mask, position, x, y, z):
-    """Choose the sky or the sun, and a direction there."""
+    """Sample either the sky or the sun, and a direction in it."""
     share, by_place = splat_f32(np.float32(sky.share)), sky.places.levels != 0
     if by_place:
         share = sky_share_at(sky.places, position, mask)
@@ -405,9 +405,9 @@ def _sample_sunsky(sky, kind, light, mask, position, x, y, z):
 @environment_light.by(SunSkies)
 @kernel
 def _sunsky_light(sky, position, direction, mask):
-    """Return radiance and density of directions; the sun ends where Mitsuba's does."""
+    """Return radiance and pdf of directions; the sun's edge is exactly that of Mitsuba."""
     local = rotated(sky.to_local, direction)
-    # squares are added up as Mitsuba does it: the sun is 180 roundings of a cosine wide
+    # the order of the sum is Mitsuba's: the sun is 180 roundings of a cosine wide
     scale = 1.0 / sqrt((local.x * local.x + local.z * local.z) + local.y * local.y)
     return _look_up(sky, position, local * scale, splat_mask(False), mask)
 

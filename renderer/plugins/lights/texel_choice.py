@@ -1,9 +1,9 @@
-"""Points (u, v) of a light's texture, chosen where it is bright.
+"""Sampling of points (u, v) of a light's texture by luminance.
 
-A row of texels is chosen in proportion to its luminance, then a texel of it; the rest of
-the numbers is the place around its centre, by the tent of the bilinear look-up, or within
-the texel. The density is then what the same look-up makes of the texels' probabilities.
-As in Mitsuba, the transform `to_uv` of the texture plays no part in it.
+A row of texels is sampled by its luminance, then a texel of the row. The rest of the random
+numbers gives the position near its centre by the tent filter of bilinear interpolation, or
+within the texel. So the pdf is the interpolant of the texels' probabilities. As in Mitsuba,
+the transform `to_uv` of the texture is ignored.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ from renderer.plugins.textures.bitmap import wrapped
 from renderer.plugins.textures.kind import LUMINANCE
 from renderer.scene_file.description import BitmapTexture
 
-_WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}  # as `plugins.textures.bitmap` numbers them
+_WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}  # the codes of `plugins.textures.bitmap`
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _SMALLEST = np.float32(1.1754944e-38)
 
 
 class AnyUv(NamedTuple):
-    """The whole unit square alike: what other textures than bitmaps are sampled by."""
+    """Uniform sampling of the unit square, for textures other than bitmaps."""
 
 
 class TexelChoice(NamedTuple):
-    """Columns by light id, and cumulated luminances of all texels, from v = 0 up."""
+    """Columns by light id; cumulative luminances of all texels, from v = 0 up."""
 
-    texels: NDArray[np.float32]  # (total,) of a texel and those before it in its row
-    rows: NDArray[np.float32]  # (total rows,) of a row and those before it
+    texels: NDArray[np.float32]  # (total,) cumulative within each row
+    rows: NDArray[np.float32]  # (total rows,) cumulative within each image
     first_texel: NDArray[np.int32]  # (n,)
     first_row: NDArray[np.int32]  # (n,)
     width: NDArray[np.int32]  # (n,)
     height: NDArray[np.int32]  # (n,)
     nearest: NDArray[np.int32]  # (n,) 1: no interpolation
     wrap: NDArray[np.int32]  # (n,)
-    inverse_sum: NDArray[np.float32]  # (n,) 1 / the luminance of all texels
+    inverse_sum: NDArray[np.float32]  # (n,) 1 / sum of the luminance of all texels
 
 
 def texel_luminance(bitmap: BitmapTexture) -> NDArray[np.float32]:
-    """Return the luminance of texels, (H, W), the first row at v = 0; 0 for negative."""
+    """Return the luminance of texels, (H, W), row 0 at v = 0; negative ones become 0."""
     pixels = bitmap.pixels[::-1]
     more = [(0, max(0, 2 - n)) for n in pixels.shape[:2]]
     pixels = np.pad(pixels, [*more, (0, 0)], mode="edge")
@@ -64,7 +64,7 @@ def texel_luminance(bitmap: BitmapTexture) -> NDArray[np.float32]:
 
 
 def uv_choice(count: int, textures: dict[int, Any]) -> Any:
-    """Return how (u, v) is chosen for lights with textures of one kind."""
+    """Return the sampling table for lights with textures of one kind."""
     if not all(isinstance(texture, BitmapTexture) for texture in textures.values()):
         return AnyUv()
     columns = np.zeros((6, count), np.int32)
@@ -98,7 +98,7 @@ def choose_uv(choice: Any, light: Any, x: Any, y: Any, mask: Any) -> Any:
 
 @interface
 def uv_density(choice: Any, light: Any, u: Any, v: Any, mask: Any) -> Any:
-    """Return the density with which `choose_uv` chooses points."""
+    """Return the pdf of `choose_uv` in (u, v)."""
 
 
 @choose_uv.by(AnyUv)
@@ -115,7 +115,7 @@ def _even(choice, light, u, v, mask):
 
 @kernel
 def _search(cumulated, first, count, wanted, mask):
-    """Return the first place that reaches a sum, and what is left as a share of it."""
+    """Return the first index whose cumulative sum reaches `wanted`, and the remainder."""
     low, high = first, first + count - 1
     searching = mask & (low < high)
     while mask_bits(searching) != 0:
@@ -140,7 +140,7 @@ def _tent(x):
 
 @kernel
 def _inside(t, repeats):
-    """Bring what lies up to half a texel outside of the unit interval back into it."""
+    """Wrap coordinates up to half a texel outside of the unit interval back into it."""
     below = select(repeats, t + 1.0, -t)
     above = select(repeats, t - 1.0, 2.0 - t)
     return select(t < 0.0, below, select(t > 1.0, above, t))

@@ -1,6 +1,6 @@
-"""Area lights whose radiance is a texture: points are chosen by the texels' luminance.
+"""Area lights with textured radiance: points are sampled by the texels' luminance.
 
-A point (u, v) of the texture is put on the shape: pdf = pdf_uv r^2 / (|dp/du x dp/dv| cos).
+A sampled (u, v) is mapped to the shape: pdf = pdf_uv r^2 / (|dp/du x dp/dv| cos).
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from renderer.plugins.shapes.surface import point_at_uv
 
 
 class TexturedAreas(NamedTuple):
-    """Area lights on shapes of one kind, textures of one kind; columns by light id."""
+    """Area lights on one kind of shape, with one kind of texture; columns by light id."""
 
     textures: LightTextures
-    choice: Any  # of (u, v): TexelChoice or AnyUv
+    choice: Any  # sampling of (u, v): TexelChoice or AnyUv
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
     surfaces: Any  # the record of the shapes
-    chart: Any  # of meshes: UvChart; else None
+    chart: Any  # for meshes, UvChart; else None
 
 
 @kernel
@@ -43,7 +43,7 @@ def _at_uv(areas, light, u, v, mask):
 @sample_light.by(TexturedAreas)
 @kernel
 def sample_textured_area(areas, kind, light, mask, position, x, y, z):
-    """Choose a point in proportion to the texture's luminance."""
+    """Sample a point by the luminance of the texture."""
     u, v = choose_uv(areas.choice, light, x, y, mask)
     chosen = _at_uv(areas, light, u, v, mask)
     to_light = chosen.position - position
@@ -61,7 +61,7 @@ def sample_textured_area(areas, kind, light, mask, position, x, y, z):
 @emitted_light.by(TexturedAreas)
 @kernel
 def _emitted(areas, kind, points, i, light, mask):
-    """Return the density of a hit, by that of its (u, v) in the texture."""
+    """Return the radiance of a hit, and the pdf of its (u, v) in the texture."""
     _, distance, cosine = seen_from(kind.arithmetic, points, i)
     u, v = load_row(points.uv, 0, i), load_row(points.uv, 1, i)
     here = _at_uv(areas, light, u, v, mask)

@@ -1,4 +1,4 @@
-"""Textures of lights: colours at (u, v), looked up by light id."""
+"""Textures of lights: colours at (u, v) by light id."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from renderer.scene_file.description import CheckerboardTexture
 
 
 class LightTextures(NamedTuple):
-    """Textures of one table; columns by light id."""
+    """Textures of one kind and format; columns by light id."""
 
-    table: Any  # of their kind
+    table: Any  # table of the kind
     to_uv: NDArray[np.float32]  # (6, n)
 
 
@@ -32,7 +32,7 @@ def light_textures(
 
 
 def refuse_nested(properties: Any, name: str, texture: Any) -> None:
-    """Refuse a checkerboard of textures: a light looks up one texture."""
+    """Refuse a checkerboard of textures: a light can only look up a single texture."""
     if isinstance(texture, CheckerboardTexture):
         for color in (texture.color0, texture.color1):
             if not hasattr(color, "rgb"):

@@ -1,10 +1,10 @@
-"""Hierarchical sample warping: the unit square to a density that is bilinear in patches.
+"""Hierarchical sample warping: from the unit square to a piecewise bilinear density.
 
-A pyramid of sums is descended from its top: in each block of 2 x 2 a row is chosen in
-proportion to its sum, then one of its columns, and what is left of the two numbers is used
-again one level below [Clarberg2005]. Inside the patch at the end the marginal and the
-conditional density are linear, and inverted as such. The map is continuous, so that a
-pattern of samples stays well spread. Mitsuba's envmap does the same, in the same order.
+A pyramid of sums is descended from the top. In each block of 2 x 2 a row is sampled by its
+sum, then one of its columns, and both numbers are rescaled for the level below
+[Clarberg2005]. Inside the final patch the marginal and the conditional density are linear
+and are inverted directly. The map is continuous, so stratification is preserved. Mitsuba's
+envmap uses the same method in the same order.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 
-# relative difference of two ends below which a linear density is taken as constant
+# a linear density whose ends differ relatively by less than this is taken as constant
 FLAT = np.float32(1e-4)
 
 
 @table_columns("blocks")
 class Warp(NamedTuple):
-    """A density over the unit square: `columns` x `rows` patches, their mean is 1."""
+    """A density over the unit square: `columns` x `rows` bilinear patches with mean 1."""
 
     columns: int
     rows: int
     nodes: NDArray[np.float32]  # ((columns + 1) (rows + 1),) density at the corners, by row
-    # (4, blocks) sums of the patches below each part of a block: 00, 10, 01, 11 (x first)
+    # (4, blocks) sums over the four parts of each block: 00, 10, 01, 11 (x first)
     blocks: NDArray[np.float32]
     start: NDArray[np.int32]  # (levels,) first block, from the top down
     across: NDArray[np.int32]  # (levels,) blocks in a row
 
 
 def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
-    """Return the warp of a density that is given at the corners of its patches.
+    """Return the warp for a density that is given at the corners of the patches.
 
     Parameters
     ----------
@@ -80,9 +80,9 @@ def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
 
 
 def pyramid(level: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """Return the levels (4, ..., rows, columns) of blocks over sums (..., rows, columns).
+    """Return the levels (4, ..., rows, columns) of blocks for sums (..., rows, columns).
 
-    From the top down; the first axis is that of `Warp.blocks`.
+    The top level is first; the first axis is that of `Warp.blocks`.
     """
     levels: list[NDArray[np.float32]] = []
     whole = [(0, 0)] * (level.ndim - 2)
@@ -106,7 +106,7 @@ def _between(a, b, t):
 
 @kernel
 def _linear(a, b, x):
-    """Return where x of the area below a line from a to b lies to the left."""
+    """Return x in [0, 1] with the fraction x of the area below a line from a to b."""
     steep = fabs(a - b) > FLAT * (a + b)
     slope = select(steep, a - b, splat_f32(1.0))
     below = sqrt(maximum(_between(a * a, b * b, x), splat_f32(0.0)))
@@ -128,12 +128,12 @@ def corners(warp, column, row, mask):
 
 @kernel
 def descend(blocks, block, column, row, x, y, mask):
-    """Choose one part of each block by numbers in [0, 1), in proportion to its sum.
+    """Sample one part of each block by numbers in [0, 1), in proportion to its sum.
 
     Returns
     -------
     column, row, x, y
-        On the next level. What is left of the numbers is even in [0, 1) again.
+        On the next level. The numbers are rescaled and uniform in [0, 1) again.
     """
     v00, v10, v01, v11 = gather_columns(blocks, 0, block, mask)
     lower, upper = v00 + v10, v01 + v11
@@ -148,20 +148,20 @@ def descend(blocks, block, column, row, x, y, mask):
     x = select(second, x - left, x)
     part = select(second, right, left)
     column = column + column + select(second, splat_i32(1), splat_i32(0))
-    # one division for both
+    # one division for both numbers
     inverse = 1.0 / (share * part)
     return column, row, x * (share * inverse), y * (part * inverse)
 
 
 @kernel
 def choose_patch(warp, x, y, mask):
-    """Choose patches in proportion to their sums by numbers in [0, 1), as `descend`."""
+    """Sample patches in proportion to their sums, as `descend`."""
     return choose_patch_below(warp, 0, splat_i32(0), splat_i32(0), x, y, mask)
 
 
 @kernel
 def choose_patch_below(warp, level, column, row, x, y, mask):
-    """Choose patches of the given blocks of a level."""
+    """Sample patches inside of the given blocks of a level."""
     for k in range(level, warp.start.size):
         block = row * warp.across[k] + (column + warp.start[k])
         column, row, x, y = descend(warp.blocks, block, column, row, x, y, mask)
@@ -170,7 +170,7 @@ def choose_patch_below(warp, level, column, row, x, y, mask):
 
 @kernel
 def sample_warp(warp, x, y, mask):
-    """Map numbers in [0, 1) to points (u, v) of the unit square, with their density."""
+    """Map numbers in [0, 1) to points (u, v) of the unit square, with their pdf."""
     column, row, x, y = choose_patch(warp, x, y, mask)
     return place_in_patch(warp, column, row, x, y, mask)
 
@@ -182,8 +182,8 @@ def place_in_patch(warp, column, row, x, y, mask):
     Returns
     -------
     u, v, density
-        The density is NaN or 0 in the rare case that a number falls on the edge of a
-        part that is never chosen.
+        The density is NaN or 0 in the rare case that a number falls exactly on the edge
+        of a part with probability 0.
     """
     v00, v10, v01, v11 = corners(warp, column, row, mask)
     y = _linear(v00 + v10, v01 + v11, y)
@@ -196,7 +196,7 @@ def place_in_patch(warp, column, row, x, y, mask):
 
 @kernel
 def patch_at(warp, u, v):
-    """Return column and row of the patches at points of [0, 1]^2, and where they are."""
+    """Return column and row of the patches at points of [0, 1]^2, and offsets in them."""
     x, y = _clip(u) * np.float32(warp.columns), _clip(v) * np.float32(warp.rows)
     column = minimum(to_i32(x), splat_i32(np.int32(warp.columns - 1)))
     row = minimum(to_i32(y), splat_i32(np.int32(warp.rows - 1)))
@@ -205,7 +205,7 @@ def patch_at(warp, u, v):
 
 @kernel
 def warp_density(warp, u, v, mask):
-    """Return the density with which `sample_warp` chooses points of [0, 1]^2."""
+    """Return the pdf of `sample_warp` at points of [0, 1]^2."""
     column, row, x, y = patch_at(warp, u, v)
     v00, v10, v01, v11 = corners(warp, column, row, mask)
     return _between(_between(v00, v10, x), _between(v01, v11, x), y)

@@ -37,52 +37,51 @@ from renderer.kernels.lanes.vectors import (
 )
 
 # ------------------------------------------------------------------------------- source
-# A source of random numbers, as the stages are handed it.
+# The interface of a source of random numbers to the stages.
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Where random numbers come from, as methods of a record."""
+    """A source of random numbers, as methods of a record."""
 
     record: Packed
-    film: Any  # kernels of `stages.camera_rays`, or others with the same parameters
+    film: Any  # kernel of `stages.camera_rays`, or another one with the same parameters
     draw: Any
     choose_light: Any
     aperture: Any
-    by_pair: bool = False  # the first number of a draw is better spread than the fourth
-    begin_bounce: Any = None  # None: numbers need not be drawn in order
+    by_pair: bool = False  # the first number of a draw is better stratified than the fourth
+    begin_bounce: Any = None  # None: numbers may be drawn in any order
 
 
 # --------------------------------------------------------------------------- arithmetic
-# Interfaces for operations on directions and densities whose rounding can be replaced.
+# Interfaces of operations on directions and pdfs whose rounding can be replaced.
 #
-# The renderer uses the plain formulas (`Plain`). A replay, which must agree with Mitsuba
-# to the last bit, passes the kernels another record, for which it implements the
-# interfaces.
+# A normal render uses the formulas of `Plain`. A replay, which must agree with Mitsuba to
+# the last bit, passes another record to the kernels and implements the interfaces for it.
 
 
 class Plain(NamedTuple):
-    """The formulas as they stand."""
+    """The normal formulas."""
 
 
 class AlongU(NamedTuple):
-    """The same, with the x axis of the local frame along dp/du."""
+    """`Plain`, but with the x axis of the local frame along dp/du, for anisotropy."""
 
 
 class FromLastEvent(NamedTuple):
-    """The same, for lights that a path has found behind surfaces it went straight through.
+    """`Plain`, but pdfs of lights are relative to the last scattering event.
 
-    Their density is that as seen from where the path was scattered last.
+    Used if rays may pass surfaces straight through before they hit a light.
     """
 
 
 def along_u(arithmetic: Any) -> Any:
-    """Return the arithmetic for BSDFs that are not the same in all directions around z."""
+    """Return the arithmetic for anisotropic BSDFs."""
     return AlongU() if isinstance(arithmetic, Plain) else arithmetic
 
 
 class Frame(NamedTuple):
-    """The local coordinates of a surface point: unit vectors, the normal is z."""
+    """Local frame of a surface point: unit vectors; n is the normal."""
 
     s: Any
     t: Any
@@ -91,41 +90,41 @@ class Frame(NamedTuple):
 
 @interface
 def cosine_direction(arithmetic: Any, x: Any, y: Any) -> Any:
-    """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
+    """Map [0, 1)^2 to unit vectors around +z with pdf cos / pi."""
 
 
 @interface
 def to_world(arithmetic: Any, frame: Frame, local: Any) -> Any:
-    """Return the direction in the world that has components `local` in a frame."""
+    """Return the world space direction with local coordinates `local` in a frame."""
 
 
 @interface
 def tangents_of(arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
-    """Return two unit vectors across the shading normals of points i to i + 15.
+    """Return two unit tangents for the shading normals of points i to i + 15.
 
-    They belong to the surface, not to the side that is seen.
+    They do not depend on the side that is seen.
     """
 
 
 @interface
 def density_normal(arithmetic: Any, flat: Any, smooth: Any) -> Any:
-    """Return the normal whose cosine turns a density per area into one per solid angle.
+    """Return the normal for converting a pdf by area to one by solid angle.
 
-    Of the geometric normal and that between a mesh's vertices.
+    Selected from the geometric normal and the interpolated vertex normal.
     """
 
 
 @interface
 def seen_from(arithmetic: Any, points: Any, i: int) -> Any:
-    """Return the point before on the path, the distance to it, and the |cosine| here.
+    """Return the previous path vertex, the distance to it, and the |cosine| here.
 
-    In a replay the cosine is infinite where that point sees this one from behind.
+    In a replay the cosine is infinite if the previous vertex is behind the surface.
     """
 
 
 @kernel
 def to_local(frame, direction):
-    """Return the components of a direction in a frame."""
+    """Return the local coordinates of a direction in a frame."""
     return vec3(dot(direction, frame.s), dot(direction, frame.t), dot(direction, frame.n))
 
 
@@ -152,7 +151,7 @@ def _tangents_of(arithmetic, points, i, normal):
 def _tangents_along_u(arithmetic, points, i, normal):
     along_u = load3(points.tangent, i)
     across = along_u - normal * dot(normal, along_u)
-    nowhere = ~(dot(across, across) > 0.0)  # at a pole, or where u does not change
+    nowhere = ~(dot(across, across) > 0.0)  # at a pole, or where dp/du is 0
     s, t = orthonormal_basis(normal)
     across = normalize(select3(nowhere, s, across))
     return across, select3(nowhere, t, cross(normal, across))
@@ -161,14 +160,14 @@ def _tangents_along_u(arithmetic, points, i, normal):
 @density_normal.by(Plain, FromLastEvent)
 @kernel
 def _density_normal(arithmetic, flat, smooth):
-    """Return the one that the area belongs to."""
+    """Return the normal of the surface whose area counts."""
     return flat
 
 
 @seen_from.by(Plain)
 @kernel
 def _seen_from(arithmetic, points, i):
-    """Go back along the ray: exact up to the offset of its origin."""
+    """Return the origin of the ray: exact except for the offset."""
     wo, t = load3(points.wo, i), load_row(points.t, 0, i)
     here = load3(points.position, i)
     return here + wo * t, t, fabs(dot(wo, load3(points.normal, i)))
@@ -195,38 +194,38 @@ _HALF_PI = np.float32(np.pi / 2.0)
 _TO_UNIT = np.float32(2.0**-24)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 
-# Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
-# a bounce draws the BSDF, the following ones the lights (4 a place in fog near lamps), and
-# those from `ON_THE_WAY` on what rays meet on their way: media, panes. The lens has the one
-# before the second bounce's first.
+# Numbers are drawn in blocks of four. Block 0 is the film; then each bounce has a stride of
+# blocks. In a bounce, block 0 is for the BSDF, the following ones for the lights (4 per
+# point in fog near lights), and those from `ON_THE_WAY` on for events along the ray: media,
+# panes. The lens uses the block before the first one of the second bounce.
 FILM_BLOCK = 0
 BLOCKS_PER_BOUNCE = 1 << 20
 ON_THE_WAY = BLOCKS_PER_BOUNCE // 2
 APERTURE_BLOCK = BLOCKS_PER_BOUNCE
-# A choice by the first number of a pair takes log2(count) of its 24 bits. Of 4096 choices
-# each leaves 4096 values, whose mean is 0.4999. Larger choices use a separate number.
+# A selection by the first number of a pair uses log2(count) of its 24 bits. For 4096 items
+# 4096 values remain for each, with mean 0.4999. Larger selections use a separate number.
 MOST_BY_PAIR = 4096
 
 
 class Independent(NamedTuple):
-    """Every number independent of every other."""
+    """Independent random numbers."""
 
     seed: int
 
 
 class Stratified(NamedTuple):
-    """Each pair of numbers falls once in each cell of a grid, in a shuffled order."""
+    """Stratified sampling: each pair is once in each cell of a grid, in shuffled order."""
 
     seed: int
     columns: int  # cells in x
     rows: int  # cells in y
-    jitter: float  # 1: anywhere in the cell, 0: its centre
+    jitter: float  # 1: uniform in the cell, 0: its centre
     multi: int | None  # not None: also once in each of columns * rows parts of either axis
 
 
 @kernel
 def hash4(a, b, c, d):
-    """Mix four u32 lanes into four that look independent [Jarzynski2020, pcg4d]."""
+    """Hash four u32 lanes to four that look independent [Jarzynski2020, pcg4d]."""
     a = a * 1664525 + 1013904223
     b = b * 1664525 + 1013904223
     c = c * 1664525 + 1013904223
@@ -254,10 +253,10 @@ def unit_float(bits):
 
 @kernel
 def _block_bits(block):
-    """Return 32 bits of a block; those of bounces 4096 apart differ too.
+    """Return 32 bits for a block, which also differ for bounces 4096 apart.
 
-    Where only the uppermost bit differs (bounces 2048 apart, of strata 1024), the hash is
-    weak: the first numbers of two such blocks correlate by 0.04.
+    The hash is weak if only the highest bit differs (bounces 2048 apart, for strata 1024):
+    the first numbers of two such blocks have a correlation of 0.04.
     """
     return splat_u32(np.uint32(block + (block >> 32) * 0x9E3779B1))
 
@@ -276,7 +275,7 @@ def hash_floats(seed, key, sample, block):
 
 @kernel
 def _in_unit(x):
-    """Return x, or the largest number below 1 where a sum was rounded up to 1."""
+    """Return x, or the largest number below 1 where a sum was rounded to 1."""
     return minimum(x, splat_f32(_BELOW_ONE))
 
 
@@ -284,10 +283,10 @@ def _in_unit(x):
 def draw4(sampler: Any, key: Any, sample: int, block: int) -> Any:
     """Draw four numbers in [0, 1) for each of the 16 samples of a `SampleKey`.
 
-    `sample` is the number of the first of those that are traced together.
+    `sample` is the number of the first of the samples that are traced together.
 
-    The first two are a pair that the sampler spreads over the samples of a pixel together;
-    the third and fourth are spread each by itself.
+    The first two numbers are a pair, stratified jointly over the samples of a pixel. The
+    third and the fourth are stratified separately.
     """
 
 
@@ -295,7 +294,7 @@ def draw4(sampler: Any, key: Any, sample: int, block: int) -> Any:
 def draw4_twice(
     sampler: Any, key: Any, other: Any, sample: int, block: int
 ) -> tuple[Any, Any]:
-    """Draw as `draw4` does for 16 samples and for 16 others."""
+    """Draw as `draw4` does, for 16 samples and for 16 other ones."""
 
 
 @draw4.by(Independent)
@@ -306,12 +305,12 @@ def _draw_independent(sampler, key, sample, block):
 
 @kernel
 def permute(index, size, key):
-    """Return where lanes of random permutations of 0 .. size - 1 put `index`.
+    """Return the image of `index` under random permutations of 0 .. size - 1, per lane.
 
-    Xor, odd multiplication and shifts are invertible modulo a power of two; what falls
-    outside is walked on until it is inside, which keeps it a permutation. That favours
-    some places (an estimate would be biased by it); a random rotation at the end makes
-    every place equally likely for every index.
+    Xor, odd multiplication and shifts are invertible modulo a power of two. A result that
+    is out of range is permuted again (cycle walking), so it remains a permutation. Alone
+    this favours some places, which would bias an estimate. A random rotation at the end
+    makes every place equally likely for every index.
     """
     bits = 1
     while (1 << bits) < size:
@@ -341,12 +340,12 @@ def permute(index, size, key):
 
 @kernel
 def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
-    """Return the place inside a cell, in [0, 1) along each axis.
+    """Return the position inside a cell, in [0, 1) along each axis.
 
-    Plain strata take the jitter. Correlated multi-jittering [Kensler2013] first divides
-    the cell again, one part for each of the other cells of its column or row, and in the
-    same order in all columns (rows): neighbouring cells then form a lattice. With a
-    separate order for each of them the variance of edges is 1.2 to 1.5 times as large.
+    Plain strata use the jitter. Correlated multi-jittering [Kensler2013] divides the cell
+    again, with one part for each other cell of its column or row. The order is the same in
+    all columns (rows), so neighbouring cells form a lattice. With a separate order for
+    each, the variance at edges is 1.2 to 1.5 times as large.
     """
     if multi is None:
         return jx, jy
@@ -365,9 +364,9 @@ def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
 def _draw_stratified(sampler, key, sample, block):
     columns, rows = sampler.columns, sampler.rows
     count = columns * rows
-    # samples that are traced together are of one grid: their number divides its cells'
+    # samples that are traced together are in one grid: their number divides its cells
     index = key.later + np.uint32(sample % count)
-    # jitter; keys of the shuffles; a longer render starts a new, independent grid
+    # for the jitter and the shuffles; samples beyond one grid start a new, independent one
     grid = sample // count
     jx, jy, jz, jw = hash_floats(sampler.seed, key, sample, 2 * block)
     amount = np.float32(sampler.jitter)
@@ -383,7 +382,7 @@ def _draw_stratified(sampler, key, sample, block):
     )
     cell = as_i32(permute(index, count, keys[0]))
     row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
-    # float32 rounds the quotient of cells beyond 2^22 up or down by one
+    # the quotient has a rounding error of one for cells beyond 2^22 in float32
     column = cell - row * columns
     row = select(column < 0, row - 1, select(column >= columns, row + 1, row))
     column = cell - row * columns
@@ -405,20 +404,20 @@ def _draw_after_another(sampler, key, other, sample, block):
 
 @interface
 def choose_from_draw(sampler: Any, x: Any, w: Any, count: int) -> Any:
-    """Choose one of `count` things by the first or fourth number of a draw.
+    """Select one of `count` items by the first or fourth number of a draw.
 
     Returns
     -------
     chosen, x
-        What is left of the first number. Where pairs are well spread it is the one that
-        chooses, unless there are too many things: the samples of each thing are then as
-        well spread as those of all, and no random part of them.
+        `x` is the rescaled first number. With stratified pairs the first number selects,
+        unless there are too many items: the samples of each item are then stratified like
+        all samples, and are no random subset.
     """
 
 
 @kernel
 def choose_one(number, count):
-    """Return one of `count` things, all equally likely, and what is left of the number."""
+    """Return one of `count` items, uniformly, and the rescaled number."""
     scaled = number * np.float32(count)
     chosen = to_i32(minimum(scaled, splat_f32(np.float32(count - 1))))
     return chosen, scaled - to_f32(chosen)
@@ -433,7 +432,7 @@ def _choose_by_last(sampler, x, w, count):
 
 @kernel
 def choose_by_pair(sampler, x, w, count):
-    """Choose by the first number of a pair, where enough is left of it."""
+    """Select by the first number of a pair, if enough of its bits remain."""
     if count > MOST_BY_PAIR:
         return _choose_by_last(sampler, x, w, count)
     chosen, rest = choose_one(x, count)
@@ -455,7 +454,7 @@ def _choose_stratified(sampler, x, w, count):
 
 @kernel
 def square_to_disk(x, y):
-    """Map [0, 1)^2 to the unit disk, keeping areas and neighbours [Shirley1997]."""
+    """Map [0, 1)^2 to the unit disk; area-preserving and continuous [Shirley1997]."""
     a = 2.0 * x - 1.0
     b = 2.0 * y - 1.0
     steep = fabs(a) < fabs(b)
@@ -468,15 +467,15 @@ def square_to_disk(x, y):
 
 @kernel
 def square_to_cosine_hemisphere(x, y):
-    """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
+    """Map [0, 1)^2 to unit vectors around +z with pdf cos / pi."""
     p, q = square_to_disk(x, y)
-    z2 = 1.0 - (p * p + q * q)  # bracketed as Mitsuba does it, which shows near the rim
+    z2 = 1.0 - (p * p + q * q)  # Mitsuba's order of operations, visible near the rim
     return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))
 
 
 @kernel
 def square_to_sphere(x, y):
-    """Map [0, 1)^2 to unit vectors with density 1 / (4 pi)."""
+    """Map [0, 1)^2 to unit vectors with pdf 1 / (4 pi)."""
     z = 1.0 - 2.0 * y
     r = sqrt((1.0 - z) * (1.0 + z))  # 1 - z^2 would cancel at the poles
     sine, cosine = sincos(TWO_PI * x)
@@ -485,13 +484,13 @@ def square_to_sphere(x, y):
 
 @kernel
 def square_to_triangle(x, y):
-    """Map [0, 1)^2 to barycentric coordinates of a triangle, keeping areas."""
+    """Map [0, 1)^2 to barycentric coordinates of a triangle, uniformly by area."""
     root = sqrt(maximum(1.0 - x, splat_f32(0.0)))
     return 1.0 - root, root * y
 
 
 @kernel
 def power_heuristic(pdf, other_pdf):
-    """Return the power heuristic p^2 / (p^2 + q^2) of two densities [Veach1997]."""
-    ratio = other_pdf / pdf  # the square of a density above 1.8e19 would overflow
+    """Return the power heuristic p^2 / (p^2 + q^2) for two pdfs [Veach1997]."""
+    ratio = other_pdf / pdf  # the square of a pdf above 1.8e19 would overflow
     return 1.0 / (1.0 + ratio * ratio)

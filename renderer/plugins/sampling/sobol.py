@@ -1,13 +1,11 @@
-"""The sampler `sobol`: points of nets, scrambled, and the matrices of their digits.
+"""The sampler `sobol`: scrambled digital nets, and their generator matrices.
 
-The digits of the points behind the sampler `sobol`: matrices modulo 2, as tables.
-
-A point has eight coordinates, four pairs. Each pair is a point of the same net of two
-dimensions, at an index that the pair's matrix makes of the sample's index. So every pair is
-a (0, m, 2)-net. The matrices were found by a random search with small steps, such that the
-first two pairs are a good net of four dimensions, and some sets of two and three
-coordinates are good nets: the cost was the share of boxes of volume 2^-m, 2^-(m-1) and
-2^-(m-2) that are not hit evenly.
+A point has eight coordinates in four pairs. Each pair is a point of the same
+two-dimensional net, at an index that the pair's matrix (modulo 2) computes from the
+sample's index. So every pair is a (0, m, 2)-net. The matrices were found by a random search
+with small steps. It optimised the first two pairs as a net of four dimensions, and some
+sets of two and three coordinates as nets. The cost was the fraction of boxes of volume
+2^-m, 2^-(m-1) and 2^-(m-2) that do not have equally many points.
 """
 
 from __future__ import annotations
@@ -43,7 +41,7 @@ from renderer.plugins.sampling.numbers_and_warps import (
 DIGITS = 32
 
 # Columns of the matrices of the second to the fourth pair; the lowest row is the lowest
-# bit. The search looked at the first twelve of the sequence; chance made the others.
+# bit. The search optimised the first twelve columns of the sequence; the others are random.
 _SEQUENCE = (
     "1 3 4 d 1b 29 41 91 194 272 646 e08 1d9c 3461 60b6 a288 14ecd 214fa 44d0b 821d9 "
     "12cde5 3a064f 699007 f4d52c 180edb2 33698f6 7e20a69 dd6024a 1a1dc7fb 3165603c "
@@ -121,16 +119,16 @@ _NETS = {
 
 @functools.cache
 def net_digits(bits: int) -> NDArray[np.uint32] | None:
-    """Return which digits each bit of an index flips, in a net of 2^bits points.
+    """Return the digits that each bit of an index flips, for a net of 2^bits points.
 
-    The net of [Larcher2003]: the index itself, from its highest bit down, and what a
-    triangle of ones makes of its bits. Its points keep away from one another.
+    The first two coordinates are the net of [Larcher2003]: the reversed index, and its
+    product with a triangle of ones. Its points have a large minimum distance.
 
     Returns
     -------
     ndarray of shape (8, DIGITS) or None
-        By coordinate and bit; the first digit behind the point is the lowest bit. None
-        where no matrices are known.
+        By coordinate and bit; the first binary digit is the lowest bit. None if no
+        matrices are known for `bits`.
     """
     if bits not in _NETS:
         return None
@@ -148,15 +146,15 @@ def net_digits(bits: int) -> NDArray[np.uint32] | None:
 def sequence_digits() -> NDArray[np.uint32]:
     """Return the same for any number of points: the sequence of [Sobol1967].
 
-    Its first coordinate is the index read backwards; the matrix of the second is Pascal's
-    triangle. The matrices of the pairs are triangular, so that the first 2^m points stay
-    the first 2^m; where the search ended, their columns are as good as random.
+    The first coordinate is the index with its bits reversed; the matrix of the second is
+    Pascal's triangle. The matrices of the pairs are triangular, so the first 2^m points
+    form a net for every m. Columns beyond the search are random.
     """
 
     def second(point: int) -> int:
         digits = 0
         for k in range(DIGITS):
-            if point >> k & 1:  # C(k, r) is odd where r has no bit that k lacks
+            if point >> k & 1:  # C(k, r) is odd if all bits of r are set in k
                 digits ^= sum(1 << r for r in range(k + 1) if r & ~k == 0)
         return digits
 
@@ -183,45 +181,44 @@ def _table(
 
 
 # -------------------------------------------------------------------------------- sobol
-# Scrambled points of digital nets, in groups of eight dimensions that belong together.
+# Scrambled points of digital nets, in groups of eight dimensions.
 #
-# Of each pair of numbers that a path draws together (place in the pixel, direction, point
-# on a light), one of 2^m samples lies in each of the 2^m boxes of any shape 2^-i by 2^-(m
-# - i): they are (0, m, 2)-nets. Every number is then scrambled: each
-# binary digit is flipped or not, by chance or by a hash of those before it, which keeps
-# that and makes all places equally likely [Owen1995], [Laine2011], with the hash of
-# [Vegdahl2021].
+# The pairs of numbers that a path draws together (position in the pixel, direction, point
+# on a light) are (0, m, 2)-nets: of 2^m samples, one is in each of the 2^m boxes of size
+# 2^-i by 2^-(m - i), for every i. Every number is then scrambled: each binary digit is
+# flipped at random, or by a hash of the digits before it. This keeps the net and makes all
+# positions equally likely [Owen1995], [Laine2011], with the hash of [Vegdahl2021].
 #
-# One group has what one edge of a path is made of: the direction that leads to a surface
-# point (to the first: the place in the pixel and on the lens), and the light that is
-# sampled there. Groups are shuffled against one another, by scrambling the index
-# [Burley2020].
+# One group has the numbers of one path segment: the direction to a surface point (for the
+# first one: the position in the pixel and on the lens), and the light sample there. The
+# groups are decorrelated by scrambling the index [Burley2020].
 
 # the dimensions of a group: the first of each pair
-_DIRECTION = 0  # or the place in the pixel
+_DIRECTION = 0  # or the position in the pixel
 _LIGHT = 2
-_LIGHT_PART = 4  # which triangle of the light
-_LOBE = 6  # which part of the BSDF, and roulette; or the place on the lens
-# Digits of a net that are flipped by a hash. If all are, edges have 1.2 times the variance
-# with 64 samples, 1.35 times with 256: neighbours are as close to each other as may be.
+_LIGHT_PART = 4  # triangle of the light
+_LOBE = 6  # lobe of the BSDF, and roulette; or the position on the lens
+# Digits of a net that are flipped by a hash. If all are, the variance at edges is 1.2 times
+# as large for 64 samples, 1.35 times for 256: points may then be arbitrarily close.
 _HASHED = 2
 
 
 class Sobol(NamedTuple):
-    """Points number 0 to 2^bits - 1, of which the samples are the first."""
+    """Points 0 to 2^bits - 1; the samples are the first of them."""
 
     seed: int
     bits: int
-    plain: int  # mask of the digits, from the lowest, that are flipped alike in all points
-    # Mask of the bits of the index that are shuffled from the lowest up, too. Downwards
-    # alone, one coordinate of all groups of a net has the same order of points but for the
-    # last digits: 1.25 times the error in the Cornell box, with 64 samples.
+    plain: int  # mask of the digits, from the lowest, with equal flips in all points
+    # Mask of the bits of the index that are also shuffled from the lowest up. If they are
+    # shuffled only downwards, one coordinate of all groups of a net has the same order of
+    # points except for the last digits: 1.25 times the error in the Cornell box for 64
+    # samples.
     shuffled: int
-    digits: NDArray[np.uint32]  # (8, 32) those that each bit of the index flips
+    digits: NDArray[np.uint32]  # (8, 32) the digits that each bit of the index flips
 
 
 def make_sobol(seed: int, spp: int) -> Sobol:
-    """Return the sampler of `spp` numbers a pixel: a net, or a part of a sequence."""
+    """Return the sampler for `spp` samples per pixel: a net, or a part of a sequence."""
     bits = (spp - 1).bit_length()
     net = net_digits(bits) if spp == 1 << bits else None
     if net is None:
@@ -231,10 +228,10 @@ def make_sobol(seed: int, spp: int) -> Sobol:
 
 @kernel
 def scramble(digits, key):
-    """Flip digits, lowest bit first, each by a hash of those below it [Vegdahl2021].
+    """Flip each digit, lowest bit first, by a hash of the digits below it [Vegdahl2021].
 
-    The lowest bits of `hash4` are not good enough to flip the first digits of two blocks
-    independently of each other (a product of two numbers was 21 standard errors off).
+    The lowest bits of `hash4` would not flip the first digits of two blocks independently
+    (the mean product of two numbers was off by 21 standard errors).
     """
     key ^= key >> 16
     digits ^= digits * 0x3D20ADEA
@@ -253,13 +250,14 @@ def _unit(digits, key, plain):
 
 @kernel
 def _group_of(block):
-    """Return the group of a block's numbers, and the dimensions of its two pairs."""
+    """Return the group of a block, and the dimensions of its two pairs."""
     bounce, turn = block // BLOCKS_PER_BOUNCE, block % BLOCKS_PER_BOUNCE - 2
     if block == APERTURE_BLOCK:
         return np.int64(0), _LOBE, _LIGHT_PART
-    if turn >= 0:  # of several lights at one point, one shares the group of the point
-        # A group has 32 bits: from light 4096 on, the upper bits of its number would be
-        # lost (and light 4096 have the points of light 0). They go below the lower ones.
+    if turn >= 0:  # the first of several light samples shares the group of the point
+        # A group has 32 bits. From light 4096 on the upper bits of its number would be lost
+        # (light 4096 would get the points of light 0). They are stored below the lower
+        # ones.
         turn = (turn << 20) + (turn >> 12 << 12)
         return bounce + turn, _LIGHT, _LIGHT_PART
     return bounce + turn + 2, _DIRECTION, _LOBE
@@ -268,7 +266,7 @@ def _group_of(block):
 @draw4.by(Sobol)
 @kernel
 def _draw_sobol(sampler, key, sample, block):
-    """Draw for any number of samples at once."""
+    """Draw four numbers for lanes of samples."""
     pixel = key.pixel
     group, first, second = _group_of(block)
     zero = pixel ^ pixel
@@ -277,7 +275,7 @@ def _draw_sobol(sampler, key, sample, block):
     index = key.later + np.uint32(sample)
     index ^= (index ^ scramble(index, order >> 3)) & np.uint32(sampler.shuffled)
     index = bit_reverse(scramble(bit_reverse(index), order))
-    a, b, c, d = zero, zero, zero, zero  # the digits of four numbers
+    a, b, c, d = zero, zero, zero, zero  # digits of the four numbers
     for bit in range(sampler.bits):
         flips = (index & np.uint32(1 << bit)) != 0
         a = select(flips, a ^ load_one(sampler.digits, first, bit), a)
@@ -292,7 +290,7 @@ def _draw_sobol(sampler, key, sample, block):
 @draw4_twice.by(Sobol)
 @kernel
 def _draw_sobol_twice(sampler, key, other, sample, block):
-    """Draw for both together: a number is a chain of 20 multiplications of 10 cycles."""
+    """Draw both interleaved: each is a chain of 20 multiplications with latency 10."""
     both = SampleKey(joined(key.pixel, other.pixel), joined(key.later, other.later))
     x, y, z, w = _draw_sobol(sampler, both, sample, block)
     return (

@@ -1,1 +1,1 @@
-"""Sensors: where the rays of a picture begin."""
+"""Sensors: generation of camera rays."""

@@ -1,4 +1,4 @@
-"""The interface of a kind of sensor: its records and how it makes rays."""
+"""The interface of a kind of sensor."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from renderer.kernels.jit import interface
 
 
 class CameraRay(NamedTuple):
-    """The part of a ray, or of 16 in lanes, that lies between the near and far planes."""
+    """Camera rays, clipped to the near and far planes; scalar or 16 lanes."""
 
     origin: Any  # on the near plane
     direction: Any  # unit
-    length: Any  # up to the far plane
+    length: Any  # distance to the far plane
 
 
 @dataclass(frozen=True)
 class SensorKind:
-    """One kind of sensor; its kernel is an implementation of `camera_ray`.
+    """One kind of sensor; its kernel implements `camera_ray`.
 
     Parameters
     ----------
     name
-        Of the plugin in scene files.
+        Name of the plugin in scene files.
     description
-        The class that `read` returns, and no other kind.
+        Class of the description that `read` returns; each kind has its own.
     read
-        Makes the description from the properties of a file.
+        Function of the properties of a file that returns the description.
     record
-        description -> the record of its kernel.
+        description -> the record of the kernel.
     has_aperture
-        Whether rays begin all over a lens: two more numbers are drawn for each.
+        Whether rays start on a lens: each needs two additional random numbers.
     """
 
     name: str
@@ -44,12 +44,12 @@ class SensorKind:
 
 @interface
 def camera_ray(sensor: Any, px: Any, py: Any, lens_x: Any, lens_y: Any) -> CameraRay:
-    """Return the ray through a place on the film.
+    """Return the camera rays for positions on the film.
 
     Parameters
     ----------
     px, py
-        On the full film, in pixels from its upper left corner.
+        Position on the full film, in pixels from its upper left corner.
     lens_x, lens_y
-        Numbers in [0, 1) that choose a place on the lens, if there is one.
+        Numbers in [0, 1) that give the position on the lens, if there is one.
     """

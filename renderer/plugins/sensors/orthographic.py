@@ -1,4 +1,4 @@
-"""Orthographic sensor: parallel rays, as if seen from infinitely far away.
+"""Orthographic sensor: parallel rays.
 
 The film's width covers [-1, 1] of the local x axis: a scale in `to_world` sets the size.
 """
@@ -33,9 +33,9 @@ class Orthographic(NamedTuple):
 def read(properties: Any) -> OrthographicCamera:
     """Read the properties of a file."""
     common = shared(properties)
-    properties.number("focus_distance", common["far_clip"])  # sharp everywhere
+    properties.number("focus_distance", common["far_clip"])  # ignored: everything is sharp
     camera = OrthographicCamera(**common, to_world=properties.transform("to_world"))
-    # the picture's corners may be farther away than its middle
+    # the corners of the far plane may be farther away than its centre
     if not np.abs(camera.to_world[:3]).sum(axis=1).max() * camera.far_clip < FARTHEST:
         properties.fail(
             "to_world",
@@ -51,7 +51,7 @@ def axes(camera: OrthographicCamera) -> tuple[NDArray[np.float64], ...]:
     film = camera.film
     pixel = 2.0 / film.width  # on either axis: pixels are square
     corner = origin + left + up * (film.height / film.width) + forward * camera.near_clip
-    corner += (left + up) * (pixel * film.border)  # samples may begin beyond the film
+    corner += (left + up) * (pixel * film.border)  # the border may be sampled too
     return corner, -left * pixel, -up * pixel
 
 
@@ -59,7 +59,7 @@ def record(camera: OrthographicCamera) -> Orthographic:
     """Return the camera as its kernel uses it."""
     forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
     vectors = (vector_column(v) for v in (*axes(camera), forward))
-    # Mitsuba's: a scale along z moves the near plane, and not how far one sees from it
+    # as in Mitsuba, a scale along z changes the near plane but not the visible depth
     return Orthographic(*vectors, float(camera.far_clip - camera.near_clip))
 
 

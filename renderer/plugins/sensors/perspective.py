@@ -31,7 +31,7 @@ def read(properties: Any) -> PerspectiveCamera:
     """Read the properties of a file."""
     common = shared(properties)
     film = common["film"]
-    properties.number("focus_distance", common["far_clip"])  # pinholes are sharp everywhere
+    properties.number("focus_distance", common["far_clip"])  # ignored: pinholes are sharp
     return PerspectiveCamera(
         **common,
         to_world=without_scale(properties),
@@ -59,7 +59,7 @@ def _perspective_ray(camera, px, py, lens_x, lens_y):
         + px * column(camera.right, 0)
         + py * column(camera.down, 0)
     )
-    # the near plane cuts the ray's start, the far plane its end
+    # clip to the near and the far plane
     along = 1.0 / dot(direction, column(camera.forward, 0))
     near = np.float32(camera.near) * along
     origin = column(camera.origin, 0) + direction * near

@@ -1,7 +1,7 @@
 """The pinhole camera by the lecture's parameters: position o, focal vector f, up vector.
 
-f points from o to the middle of the image plane. x and y span the plane to the right and
-downwards, one pixel each; a pixel position (u, v) is seen along
+f leads from o to the centre of the image plane. x and y are one pixel to the right and one
+pixel down; the ray of pixel position (u, v) has the direction
 f + (u - xres/2) x + (v - yres/2) y.
 """
 
@@ -21,7 +21,7 @@ class Pinhole:
     """The lecture's camera; vectors are (3,) in world space."""
 
     o: NDArray[np.float64]  # position of the eye
-    f: NDArray[np.float64]  # to the middle of the image plane, at unit distance
+    f: NDArray[np.float64]  # to the centre of the image plane, at unit distance
     up: NDArray[np.float64]  # unit, perpendicular to f
     x: NDArray[np.float64]  # one pixel to the right
     y: NDArray[np.float64]  # one pixel down
@@ -29,7 +29,7 @@ class Pinhole:
     yres: int
 
     def corner(self, border: int) -> NDArray[np.float64]:
-        """Return the vector to the corner that lies `border` pixels beyond the film."""
+        """Return the vector to the corner, `border` pixels beyond that of the film."""
         x, y = self.xres / 2.0 + border, self.yres / 2.0 + border
         return self.f - self.x * x - self.y * y
 
@@ -44,7 +44,7 @@ def pinhole(camera: PerspectiveCamera) -> Pinhole:
     left, up, forward = (
         camera.to_world[:3, k] / np.linalg.norm(camera.to_world[:3, k]) for k in range(3)
     )
-    width = 2.0 * np.tan(np.radians(camera.fov_x) / 2.0)  # of the plane at distance 1
+    width = 2.0 * np.tan(np.radians(camera.fov_x) / 2.0)  # of the image plane
     x = -left * (width / film.width)
     y = -up * (width / film.width)  # pixels are square
     middle = (

@@ -1,4 +1,4 @@
-"""All kinds of sensor: one line makes a kind known."""
+"""Registers all kinds of sensor."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Thin lens: what lies in the plane of focus is sharp, the rest a disk [Potmesil1981].
+"""Thin lens camera: the plane of focus is sharp, the rest is blurred [Potmesil1981].
 
-The lens refracts all rays of a place on the film to one point of that plane, namely to the
-one that the ray through its centre meets, as that is not refracted at all.
+The lens refracts all rays of one film position to one point of the plane of focus. That is
+the point where the ray through the lens's centre, which is not refracted, hits the plane.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from renderer.plugins.sensors.pinhole import pinhole, vector_column
 from renderer.scene_file.description import ThinLensCamera
 from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 
-# Mitsuba's radius in place of 0: half the distance from 1 to the next float32
+# Mitsuba replaces the radius 0 by this: half the distance from 1 to the next float32
 _SMALLEST_RADIUS = 2.0**-24
 
 
 class ThinLens(NamedTuple):
-    """A lens around `origin`; rays meet at corner + x right + y down, x and y in pixels."""
+    """A lens around `origin`; rays meet at corner + x right + y down (pixels) in focus."""
 
     origin: NDArray[np.float32]  # (3, 1)
     left: NDArray[np.float32]  # (3, 1) from the lens's centre to its rim
     up: NDArray[np.float32]  # (3, 1) likewise
-    # in the plane of focus, as seen from the centre
+    # in the plane of focus, relative to the centre of the lens
     corner: NDArray[np.float32]  # (3, 1) pixel position (0, 0)
     right: NDArray[np.float32]  # (3, 1) one pixel further in x
     down: NDArray[np.float32]  # (3, 1) one pixel further in y

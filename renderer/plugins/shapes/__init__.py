@@ -1,1 +1,1 @@
-"""Shapes: where rays meet them, what their surface is, how they shine."""
+"""Shapes: ray intersection, surface points and normals, and sampling of area lights."""

@@ -1,8 +1,8 @@
-"""Primitives in blocks of eight: what a leaf of the wide tree tests at once.
+"""Primitives in blocks of eight: a leaf of the 8-wide BVH tests one block at once.
 
-A block's numbers lie side by side (for triangles those that each ray reads are 384 bytes,
-six cache lines), where the rows of a group would touch a line for each of its rows.
-Primitive k of a group is lane k % 8 of block k // 8; a block that is not full ends with
+The numbers of a block are contiguous in memory. For triangles, the numbers that each ray
+reads are 384 bytes (six cache lines); the rows of a `Group` would touch one cache line
+each. Primitive k of a group is lane k % 8 of block k // 8. Empty lanes of a block are
 NaN, which no ray hits.
 """
 
@@ -25,22 +25,22 @@ from renderer.kernels.lanes.fields import (
 from renderer.plugins.shapes.primitives import float32, primitive_at
 
 WIDTH = 8
-AT_FIRST = 12 * WIDTH  # numbers of a block that each ray reads, at most
+AT_FIRST = 12 * WIDTH  # upper bound of the numbers of a block that each ray reads
 
 
 class Blocks(NamedTuple):
-    """The primitives of a group in blocks, without the numbers that follow from others."""
+    """Primitives of a group in blocks of eight, without their `Derived` fields."""
 
-    form: Any  # stands for the class of the primitives
+    form: Any  # record whose type selects the class of the primitives
     rows: NDArray[np.float32]  # (blocks, numbers of a primitive * 8)
-    bounds: NDArray[np.float32]  # (blocks, bounds of a primitive) the largest of eight
+    bounds: NDArray[np.float32]  # (blocks, bounds of a primitive) maximum of eight lanes
     id: NDArray[np.int32]  # (blocks * 8,) primitive id in the scene, -1 in the padding
     count: int  # blocks * 8
 
 
 @interface
 def primitives_in(blocks: Any, block: int) -> Any:
-    """Return the eight primitives of a block as lanes."""
+    """Return the eight primitives of a block in lanes."""
 
 
 @primitive_at.by(Blocks)
@@ -56,21 +56,21 @@ def _lanes_of_block(blocks, block):
 
 
 def aligned_bytes(count: int) -> NDArray[np.uint8]:
-    """Return `count` zeros that begin with a pair of cache lines."""
+    """Return `count` zero bytes whose address is a multiple of 128 (two cache lines)."""
     memory = np.zeros(count + 128, np.uint8)
     skip = -memory.ctypes.data % 128
     return memory[skip : skip + count]
 
 
 def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int64]) -> Any:
-    """Return primitives in blocks.
+    """Return primitives as `Blocks`.
 
     Parameters
     ----------
     group
-        Makes a group of columns.
+        Builds a `Group` from column numbers.
     columns
-        (blocks * 8,) the column of each place; -1 leaves it empty.
+        (blocks * 8,) column for each lane of the blocks; -1 for an empty lane.
     """
     form, rows, ids, count = group(np.maximum(columns, 0))
     eights = rows[:, :count].reshape(len(rows), -1, WIDTH).swapaxes(0, 1)

@@ -1,6 +1,6 @@
-"""Cubic B-splines in powers of their parameter, cut into pieces that are all but straight.
+"""Cubic B-splines in the power basis, cut into nearly straight pieces.
 
-A polynomial is an array (4, 4): of 1, s, s^2, s^3 the point x, y, z and the radius.
+A polynomial is an array (4, 4): the coefficients of 1, s, s^2, s^3 for x, y, z and radius.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from renderer.scene_file.description import BsplineCurve
 
 Doubles = NDArray[np.float64]
 
-# Pieces reach this far (in their s) over their ends, so that rounding leaves no gap.
+# Pieces overlap by this much (in their parameter s), so that rounding leaves no gap.
 OVERLAP = np.float32(1e-4)
-_BEND = 0.25  # radians that a piece may turn
-_OFF_CHORD = 0.5  # of the segment's largest radius, that it may be off its chord
-OFF_2, OFF_3 = 0.25, 0.4  # at least the largest s - s^2, and the largest s - s^3
-_SLENDER, _FEW = 16.0, 4  # straight ones are cut into up to 4 of 16 radii for smaller boxes
+_BEND = 0.25  # [rad] a piece may turn by this angle
+_OFF_CHORD = 0.5  # largest distance from the chord, in units of the largest radius
+OFF_2, OFF_3 = 0.25, 0.4  # upper bounds of s - s^2 and s - s^3 on [0, 1]
+_SLENDER, _FEW = 16.0, 4  # straight segments: up to 4 pieces of 16 radii, for tight boxes
 _MOST = 64  # pieces of a segment
-_PLACES = np.linspace(0.0, 1.0, 9)  # where the direction of a segment is looked at
+_PLACES = np.linspace(0.0, 1.0, 9)  # values of s at which the tangent is evaluated
 
-# Uniform cubic B-spline: from control points to powers, times 6.
+# Uniform cubic B-spline: from control points to the power basis, times 6.
 _POWERS = np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]) / 6.0
-# From powers to the control points of a Bezier curve, whose hull holds it.
+# From the power basis to Bezier control points; their convex hull contains the curve.
 _HULL = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
 
 
 def segment_polynomials(shape: BsplineCurve) -> Doubles:
-    """Return the polynomials (segments, 4, 4) of the segments of all curves."""
+    """Return the polynomials (segments, 4, 4) of all curves of a shape."""
     points = first_points(shape, 4)[:, None] + np.arange(4)
     return np.asarray(_POWERS @ shape.points[points].astype(np.float64))
 
@@ -41,7 +41,7 @@ _COUNTS: WeakKeyDictionary[BsplineCurve, NDArray[np.int64]] = WeakKeyDictionary(
 
 
 def piece_counts(shape: BsplineCurve) -> NDArray[np.int64]:
-    """Return into how many pieces each segment is cut, (n,), found once for a shape."""
+    """Return the number of pieces of each segment, (n,); cached for each shape."""
     if shape not in _COUNTS:
         _COUNTS[shape] = _count(segment_polynomials(shape))
     return _COUNTS[shape]
@@ -60,21 +60,21 @@ def _count(segments: Doubles) -> NDArray[np.int64]:
         off = np.sqrt(off / (_OFF_CHORD * thick))
         chord = np.linalg.norm(c1 + c2 + c3, axis=1) / (_SLENDER * thick)
         needed = np.ceil(np.maximum(np.maximum(bend, off), np.minimum(chord, _FEW)))
-    # NaN: a curve that stands still somewhere, or has no radius
+    # NaN: the tangent vanishes somewhere, or the radius is 0
     return np.clip(np.nan_to_num(needed, nan=_MOST, posinf=_MOST), 1, _MOST).astype(
         np.int64
     )
 
 
 def piece_polynomials(shape: BsplineCurve) -> tuple[NDArray[np.float32], Doubles]:
-    """Cut the segments of a shape.
+    """Cut the segments of a shape into pieces.
 
     Returns
     -------
     polynomials
-        Of the pieces, (n, 4, 4), in their own s.
+        Polynomials of the pieces, (n, 4, 4), each for s in [0, 1].
     places
-        v of the whole shape where each piece begins, and how far it runs, (n, 2).
+        (n, 2): v of the whole shape at the start of each piece, and the range of v.
     """
     counts, segments = piece_counts(shape), segment_polynomials(shape)
     owner = np.repeat(np.arange(len(counts)), counts)
@@ -97,10 +97,11 @@ def piece_polynomials(shape: BsplineCurve) -> tuple[NDArray[np.float32], Doubles
 
 
 def extents(numbers: Any) -> tuple[Doubles, Doubles]:
-    """Return points (3, 4, n) and radii (n,): pieces are in the hull of balls around them.
+    """Return points (3, 4, n) and radii (n,) that bound pieces of curves.
 
-    `numbers` (16, n) are polynomials. The hull is that of the Bezier curve, and a little
-    larger: pieces overlap.
+    A piece lies in the convex hull of balls of these radii around these points. `numbers`
+    (16, n) are the polynomials. The points are Bezier control points, computed for a
+    slightly longer interval because pieces overlap.
     """
     powers = numbers.reshape(4, 4, -1).astype(np.float64)
     points = np.einsum("pk,kcn->pcn", _HULL, powers)

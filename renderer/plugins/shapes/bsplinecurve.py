@@ -1,19 +1,19 @@
-"""Ray against cubic B-spline curve: the tube of the circles across it, open at its ends.
+"""Ray against cubic B-spline curve: a tube with circular cross section and open ends.
 
-A circle lies in the plane across the curve c(s), around its point there, and has the
-radius r(s), a cubic too. A point x is on the tube where g = |q|^2 - r^2 is 0, with
-q = x - c(s) and s such that q . c'(s) = 0. Along a ray x(t) that condition makes s a
-function of t, so g is one as well, and its first two derivatives are known. As g of a
-straight tube is a quadratic, each step goes to the root of the quadratic that has these
-derivatives, at which the ray enters. That converges cubically, and rays that pass a tube
-stop at the least g, above 0. [Reshetov2018] goes along the curve in place of the ray, where
-both roots of a thin tube that is met across are in one place.
+The circle at c(s) lies in the plane perpendicular to the curve and has the radius r(s),
+also a cubic. A point x is on the tube where g = |q|^2 - r^2 is 0, with q = x - c(s) and s
+such that q . c'(s) = 0. Along a ray x(t) this condition makes s a function of t. So g is
+a function of t too, and its first two derivatives are known. For a straight tube g is
+quadratic. So each step solves the quadratic with these derivatives and goes to the root
+where the ray enters. This converges cubically. A ray that misses the tube stops at the
+minimum of g, which is above 0. [Reshetov2018] iterates along the curve instead of along
+the ray; there the two roots of a thin tube coincide if the ray is perpendicular to it.
 
-Each segment of a curve is cut into pieces, up to 64, that bend by less than 15 degrees and
-leave their chord by less than half of the segment's largest radius, so that a ray enters
-none twice. Each is a primitive. A tube that is thicker than its bend is round crosses
-itself there, and some hits inside of the bend are lost: of rays at a bend of Mitsuba's
-example 0.07 % where the radius is 0.5, none at 0.3.
+Each segment of a curve is cut into up to 64 pieces. A piece bends by less than 15 degrees
+and deviates from its chord by less than half of the segment's largest radius, so a ray
+enters it at most once. Each piece is one primitive. A tube whose radius exceeds its radius
+of curvature intersects itself, and some hits inside of the bend are lost: 0.07 % of the
+rays at a bend of Mitsuba's example for radius 0.5, none for 0.3.
 """
 
 from __future__ import annotations
@@ -56,17 +56,17 @@ from renderer.scene_file.description import BsplineCurve
 _TWO, _THREE, _SIX = np.float32(2.0), np.float32(3.0), np.float32(6.0)
 _HALF = np.float32(0.5)
 _STEPS = 5
-_NEWTON_STEPS = 8  # from a point next to the surface to its place along the curve
-# How far s may be from a piece, whose own s are 0 to 1, on the way.
+_NEWTON_STEPS = 8  # from a point near the surface to its parameter on the curve
+# How far s may leave the interval [0, 1] of a piece during the iteration.
 _FARTHEST = np.float32(8.0)
-_STEEPEST = np.float32(0.05)  # of |c'|^2: beyond it a point is next to the centre of a bend
-_CONVERGED = np.float32(0.02)  # the last step, in radii; the error is its cube
+_STEEPEST = np.float32(0.05)  # times |c'|^2: below it a point is near a centre of curvature
+_CONVERGED = np.float32(0.02)  # length of the last step, in radii; the error is its cube
 _CLOSE = np.float32(1.001)
-_BYTES_A_PIECE = 600  # of the scene, its tree and what builds them
+_BYTES_A_PIECE = 600  # memory of the scene and its BVH for one piece, while it is built
 
 
 class Piece(NamedTuple):
-    """A cubic in powers of s in [0, 1], or 16 in lanes: the point and the radius."""
+    """Coefficients of 1, s, s^2, s^3 for point and radius; s in [0, 1]."""
 
     c0: Vector
     r0: Number
@@ -79,19 +79,19 @@ class Piece(NamedTuple):
 
 
 class Local(NamedTuple):
-    """A point x next to a curve at s, and derivatives of the curve there."""
+    """A point x near the curve at parameter s, and the derivatives of the curve there."""
 
     q: Any  # x - c
     slope: Any  # c'
     bend: Any  # c''
     radius: Any
     growth: Any  # r'
-    steepness: Any  # c' . c' - q . c'': what q . c' falls by with s
+    steepness: Any  # c' . c' - q . c'': minus the derivative of q . c' by s
 
 
 @kernel
 def _from_start(piece, s):
-    """Return the curve's point at s, seen from the start of the piece."""
+    """Return c(s) relative to the start of the piece."""
     return (piece.c1 + (piece.c2 + piece.c3 * s) * s) * s
 
 
@@ -102,7 +102,7 @@ def _slope(piece, s):
 
 @kernel
 def _at(piece, x, s):
-    """Return what is known at s of a point x, which is seen from the start of the piece."""
+    """Return the `Local` at s for a point x, given relative to the start of the piece."""
     q = x - _from_start(piece, s)
     slope = _slope(piece, s)
     bend = piece.c2 * _TWO + piece.c3 * (_SIX * s)
@@ -113,13 +113,13 @@ def _at(piece, x, s):
 
 @kernel
 def _bounded(x, low, high):
-    """Return x between both; NaN becomes `low`."""
+    """Return x clamped to [low, high]; NaN becomes `low`."""
     return minimum(maximum(x, low), high)
 
 
 @kernel
 def _across(piece, x, s):
-    """Return s after a step of Newton's method towards q . c' = 0."""
+    """Return s after one step of Newton's method for q . c' = 0."""
     here = _at(piece, x, s)
     steepness = maximum(here.steepness, _STEEPEST * dot(here.slope, here.slope))
     s = s + dot(here.q, here.slope) / steepness
@@ -127,26 +127,26 @@ def _across(piece, x, s):
 
 
 class Step(NamedTuple):
-    """From one place of a ray to that where it enters by a quadratic."""
+    """A step along the ray to the root of the quadratic at which the ray enters."""
 
-    t: Any  # how far along the ray
-    s: Any  # how far along the curve
-    enters: Any  # mask: the quadratic has a root, on the outside of a bend
+    t: Any  # step along the ray
+    s: Any  # step along the curve
+    enters: Any  # mask: the quadratic has a root, and x is not beyond a centre of curvature
 
 
 @kernel
 def _step(piece, x, direction, s, farthest):
-    """Return the step from a point x of a ray; t goes no farther than `farthest`."""
+    """Return the step from a point x of a ray; |t| is at most `farthest`."""
     here, d = _at(piece, x, s), direction
     square = dot(here.slope, here.slope)
     steepness = maximum(here.steepness, _STEEPEST * square)
     ds = dot(here.slope, d) / steepness
     twist = piece.c3 * _SIX  # c'''
-    # derivative of the steepness along the ray, then the second one of s
+    # derivative of the steepness along the ray, then the second derivative of s
     change = _THREE * dot(here.slope, here.bend) * ds - dot(here.bend, d)
     change = change - dot(here.q, twist) * ds
     dds = (dot(here.bend, d) * ds - ds * change) / steepness
-    # g, and half of its derivatives
+    # g, and half of its first and second derivatives
     g = dot(here.q, here.q) - here.radius * here.radius
     first = dot(here.q, d) - here.radius * here.growth * ds
     widening = _TWO * piece.r2 + _SIX * piece.r3 * s  # r''
@@ -156,7 +156,7 @@ def _step(piece, x, direction, s, farthest):
     root = sqrt(maximum(discriminant, ZERO))
     t = select(first > ZERO, -(first + root) / second, g / (root - first))
     enters = (discriminant > ZERO) & (here.steepness > _STEEPEST * square)
-    # without a root: outside, to the least g; inside of a bend, back by half of the piece
+    # no root: if outside, go to the minimum of g; if inside of a bend, half a piece back
     other = select(g > ZERO, -first / second, -_HALF / fabs(ds))
     t = _bounded(select(discriminant > ZERO, t, other), -farthest, farthest)
     return Step(t, ds * t, enters)
@@ -164,19 +164,19 @@ def _step(piece, x, direction, s, farthest):
 
 @kernel
 def hit_piece(piece, origin, direction, t_max):
-    """Intersect; hits enter, with 0 < t <= t_max; v is s, from 0 to 1 within rounding."""
+    """Intersect where the ray enters: 0 < t <= t_max; v is s, in [0, 1] within rounding."""
     d, chord = direction, piece.c1 + piece.c2 + piece.c3
     f = origin - piece.c0
     d_squared, d_chord, squared = dot(d, d), dot(d, chord), dot(chord, chord)
     f_chord, f_d = dot(f, chord), dot(f, d)
     s = (f_chord * d_squared - f_d * d_chord) / (squared * d_squared - d_chord * d_chord)
     s = _bounded(s, ZERO, ONE)
-    # where the ray is next to the chord it begins anew: no large numbers cancel from there
+    # t is measured from the ray's point nearest to the chord: large origins do not cancel
     start = -dot(f - chord * s, d) / d_squared
     base = f + d * start
     gap = base - chord * s
     zero = start * ZERO
-    # what a cubic on [0, 1] is off the line between its ends
+    # the largest distance of a cubic on [0, 1] from its chord
     off_2, off_3 = np.float32(OFF_2), np.float32(OFF_3)
     off_chord = off_2 * length(piece.c2) + off_3 * length(piece.c3)
     thickest = maximum(piece.r0, piece.r0 + piece.r1 + piece.r2 + piece.r3)
@@ -208,7 +208,7 @@ def hit_piece(piece, origin, direction, t_max):
 
 @table_columns("numbers")
 class BsplinePieces(CurveSurfaces):
-    """Pieces of curves; `numbers` are those of `Piece`."""
+    """Pieces of curves; `numbers` are the fields of `Piece`."""
 
 
 @kernel
@@ -231,7 +231,7 @@ def _gather_piece(pieces, index, mask):
 
 @kernel
 def _point_on_piece(pieces, index, mask, u, v, hit_point, with_uv):
-    """Return the point of the circle at v; its normal has a part along the curve."""
+    """Return the point on the circle at v; r' tilts its normal along the curve."""
     piece = _gather_piece(pieces, index, mask)
     here = _at(piece, hit_point - piece.c0, v)
     axis = unit_or(here.slope, upwards(v))
@@ -251,12 +251,12 @@ def _point_on_piece(pieces, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _tangent_of_piece(pieces, index, mask, u, v, normal):
-    """Return the way around the curve."""
+    """Return the direction around the curve."""
     return cross(_slope(_gather_piece(pieces, index, mask), v), normal)
 
 
 class AlongPieces(NamedTuple):
-    """The record of `uv_derivatives`."""
+    """Record for `uv_derivatives`."""
 
     first: int
     end: int
@@ -266,7 +266,7 @@ class AlongPieces(NamedTuple):
 @uv_derivatives.by(AlongPieces)
 @kernel
 def _derivatives(shapes, index, mask, position):
-    """Return how a circle moves and turns with the curve's own frame [Frenet1852]."""
+    """Return dp/du and dp/dv, with the curve's frame of [Frenet1852]."""
     piece = _gather_piece(shapes.pieces, index, mask)
     x = position - piece.c0
     chord = piece.c1 + piece.c2 + piece.c3
@@ -278,11 +278,11 @@ def _derivatives(shapes, index, mask, position):
     around = cross(axis, outwards)
     binormal = cross(here.slope, here.bend)
     square, speed = dot(binormal, binormal), length(here.slope)
-    # A bend is more than what the roundings of control points make of a straight curve.
-    # The parts of c'', and not their sum, say how large these are.
+    # Only a curvature larger than the rounding of the control points counts as a bend. The
+    # terms of c'', not their sum, tell how large that rounding is.
     parts = length(piece.c2) * _TWO + length(piece.c3) * _SIX
     bent = sqrt(square) > speed * parts * np.float32(2.0**-16)
-    # the torsion times |c'|; straight curves have none
+    # the torsion times |c'|; 0 for straight curves
     turn = dot(piece.c3 * 6.0, binormal) * speed / select(bent, square, 1.0)
     turn = select(bent, turn, 0.0)
     back = here.radius * dot(outwards, here.bend) / (speed * speed)
@@ -297,7 +297,7 @@ def _derivatives(shapes, index, mask, position):
 
 
 def read(properties: Any, common: dict[str, Any]) -> BsplineCurve:
-    """Read the properties of a file."""
+    """Read the properties of a `bsplinecurve`."""
     shape = read_curves(properties, common, BsplineCurve, 4)
     count = int(piece_counts(shape).sum())
     what = f"{properties.location}: {properties.element} of {count} pieces"
@@ -314,7 +314,7 @@ def surfaces(shapes: list[BsplineCurve], first: int) -> BsplinePieces:
 
 
 def _faces(shape: BsplineCurve) -> NDArray[np.int64]:
-    """Return the segment that each piece is of."""
+    """Return the segment index of each piece."""
     counts = piece_counts(shape)
     return np.repeat(np.arange(len(counts)), counts)
 

@@ -1,7 +1,7 @@
-"""What both kinds of curves share: how they are read, their tables, the angle around them.
+"""Code shared by both kinds of curves: reader, tables, angle around the axis.
 
-Only front faces are hit, as in Mitsuba, whose Embree culls the back faces of curves. So a
-ray that starts inside of a curve leaves it without a hit: glass is left unrefracted.
+Only front faces are hit, as in Mitsuba, where Embree culls the back faces of curves. So a
+ray that starts inside of a curve leaves it without a hit: curves of glass do not refract.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ Description = TypeVar("Description", bound=Curves)
 
 
 class CurveSurfaces(NamedTuple):
-    """Parts of curves, by primitive id; the class of each kind derives from this one."""
+    """Pieces of curves by primitive id; base class of the records of both kinds."""
 
     first: int  # the primitive ids are first .. end - 1
     end: int
     numbers: NDArray[np.float32]  # (k, n) the fields of the kind's primitive
-    place: NDArray[np.float32]  # (2, n) v where a part begins, and how far v runs along it
+    place: NDArray[np.float32]  # (2, n) v at the start of a piece, and its range of v
 
 
 @kernel
 def unit_or(a, otherwise):
-    """Return a / |a|; `otherwise` where a is 0."""
+    """Return a / |a|, or `otherwise` where a is 0."""
     square = dot(a, a)
     inverse = 1.0 / sqrt(select(square > 0.0, square, 1.0))
     return select3(square > 0.0, a * inverse, otherwise)
@@ -42,7 +42,7 @@ def unit_or(a, otherwise):
 
 @kernel
 def upwards(x):
-    """Return the unit vector along z in as many lanes as x has."""
+    """Return the unit vector z in as many lanes as x has."""
     return vec3(x * 0.0, x * 0.0, x * 0.0 + 1.0)
 
 
@@ -50,7 +50,8 @@ def upwards(x):
 def angle_around(axis, q):
     """Return the angle of q around a unit axis as a fraction of a turn in [0, 1).
 
-    It is 1/4 where z, or y around an axis along z, has its part across the axis.
+    The angle is 1/4 for the projection of z perpendicular to the axis; of y if the axis
+    is z.
     """
     along_z = fabs(axis.z) >= 1.0
     zero = axis.x * 0.0
@@ -66,22 +67,22 @@ def angle_around(axis, q):
 def read_curves(
     properties: Any, common: dict[str, Any], description: type[Description], least: int
 ) -> Description:
-    """Read the properties of a file; a curve has `least` control points or more."""
+    """Read the properties of a curve, which needs at least `least` control points."""
     refuse_lamp(properties, common)
     data: CurveData = properties.file(
         "the curves",
         "the path of a text file with x, y, z and radius of a control point in each line",
         lambda path: read_curve_file(path, least),
     )
-    to_world = properties.transform("to_world")  # of the points and not of the radii
-    with np.errstate(over="ignore", invalid="ignore"):  # too far is said by the reader
+    to_world = properties.transform("to_world")  # applies to the points, not to the radii
+    with np.errstate(over="ignore", invalid="ignore"):  # the reader reports overflow
         placed = place_points(to_world, data.points[:, :3])
     points = np.column_stack([placed, data.points[:, 3].astype(np.float32)])
     return description(**common, points=points, starts=data.starts)
 
 
 def first_points(shape: Curves, width: int) -> NDArray[np.int64]:
-    """Return the first control point of each segment, which has `width` of them."""
+    """Return the index of the first of the `width` control points of each segment."""
     count = len(shape.points)
     ends = np.append(shape.starts[1:], count)
     points = np.arange(count)
@@ -90,7 +91,7 @@ def first_points(shape: Curves, width: int) -> NDArray[np.int64]:
 
 
 def record(kind: Any, first: int, numbers: list[Any], places: list[Any]) -> Any:
-    """Return the table of a kind from numbers (n, k) and places (n, 2) of all shapes."""
+    """Return the table of a kind from numbers (n, k) and places (n, 2) of its shapes."""
     rows = np.concatenate(numbers)
     place = np.concatenate(places).T
     return kind(

@@ -1,4 +1,4 @@
-"""Ray against open cylinder: the sphere's stable quadratic in the plane across the axis."""
+"""Ray against open cylinder: the sphere's stable quadratic, perpendicular to the axis."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from renderer.scene_file.objects.objects import STRETCH, placed
 
 
 class Cylinder(NamedTuple):
-    """One tube without caps, or 16 in lanes."""
+    """One cylinder without caps, or 16 in lanes."""
 
     base: Vector  # centre of the lower end
     axis: Vector  # unit
@@ -46,8 +46,8 @@ class Cylinder(NamedTuple):
 def hit_cylinder(cylinder, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max, v is the height as a fraction, u is 0.
 
-    The nearer root counts where it lies between the ends, else the farther one: the ray
-    may enter through an open end.
+    The nearer root is the hit if it lies between the ends, otherwise the farther one: the
+    ray may enter through an open end.
     """
     f = origin - cylinder.base
     f_axis = dot(f, cylinder.axis)
@@ -68,7 +68,7 @@ def hit_cylinder(cylinder, origin, direction, t_max):
 
 
 class CylinderSurfaces(NamedTuple):
-    """Cylinders first .. end - 1 by primitive id."""
+    """Cylinders with primitive ids first .. end - 1."""
 
     first: int
     end: int
@@ -79,7 +79,7 @@ class CylinderSurfaces(NamedTuple):
 
     @property
     def axis(self) -> NDArray[np.float32]:
-        """(3, n) unit, from the lower end to the upper one."""
+        """(3, n) unit, from the lower to the upper end."""
         return self.frame[6:9]
 
 
@@ -105,7 +105,7 @@ def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
 
 @kernel
 def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
-    """Choose a point of the tube, uniformly."""
+    """Choose a point of the lateral surface, uniformly by area."""
     areas = kind.lights
     index = gather_row(areas.prim, 0, light, mask) - cylinders.first
     sine, cosine = sincos(TWO_PI * y)
@@ -131,7 +131,7 @@ def _uv_axes(cylinders, q, radius):
 
 
 def read(properties: Any, common: dict[str, Any]) -> Description:
-    """Read the properties of a file."""
+    """Read the properties of a `cylinder`."""
     p0 = np.array(properties.vector("p0", (0.0, 0.0, 0.0)))
     p1 = np.array(properties.vector("p1", (0.0, 0.0, 1.0)))
     radius = properties.number("radius", 1.0, above=0.0)
@@ -171,7 +171,7 @@ def read(properties: Any, common: dict[str, Any]) -> Description:
 def surfaces(shapes: list[Description], first: int) -> CylinderSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     matrices = np.array([shape.to_world for shape in shapes])
-    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)  # of the three columns
+    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)  # of the three columns of each
     frame = matrices[:, :3, :3] / lengths[:, None, :]
     return CylinderSurfaces(
         first,

@@ -1,4 +1,4 @@
-"""Ray against disk (under any affine map an ellipse): the plane, then u^2 + v^2 <= 1."""
+"""Ray against disk (an ellipse after an affine map): the plane, then u^2 + v^2 <= 1."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from renderer.scene_file.description import Disk
 
 
 class Ellipse(Patch):
-    """The corner is the centre, the edges are the two half axes."""
+    """`corner` is the centre; `edge1` and `edge2` are the half axes."""
 
 
 @kernel
@@ -46,7 +46,7 @@ def _doubtful(disk, p, direction):
 
 @kernel
 def _within(p, t_max):
-    # divided first: the squares of the undivided numbers of a tiny disk would underflow
+    # divide first: u^2 and v^2 times scale^2 would underflow for a tiny disk
     x = divided(p, p.scale > 0.0, t_max)
     return Intersection(x.hit & (x.u * x.u + x.v * x.v <= 1.0), x.t, x.u, x.v)
 
@@ -66,7 +66,7 @@ def hit_disk(disk, origin, direction, t_max):
 
 @table_columns("places")
 class DiskSurfaces(flat.FlatSurfaces):
-    """Disks; the corner is the centre."""
+    """Disks; `corner` is the centre."""
 
 
 @kernel
@@ -80,7 +80,7 @@ def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _tangent_of_disk(disks, index, mask, x, y, normal):
-    """Return the way outwards, as u is the distance from the centre; there, along x."""
+    """Return the radial direction, as u is the radius; the local x axis at the centre."""
     radius = sqrt(x * x + y * y)
     inverse = 1.0 / select(radius == 0.0, splat_f32(1.0), radius)
     cosine = select(radius == 0.0, splat_f32(1.0), x * inverse)
@@ -90,7 +90,7 @@ def _tangent_of_disk(disks, index, mask, x, y, normal):
 
 @kernel
 def _sample_disk(disks, kind, light, mask, position, x, y, z):
-    """Choose a point, uniformly."""
+    """Choose a point, uniformly by area."""
     u, v = square_to_disk(x, y)
     return flat_light_point(disks, kind, light, mask, position, u, v)
 
@@ -116,7 +116,7 @@ def _uv_axes(disks, q, radius):
 
 
 def read(properties: Any, common: dict[str, Any]) -> Disk:
-    """Read the properties of a file."""
+    """Read the properties of a `disk`."""
     to_world = properties.transform("to_world")
     flip = properties.boolean("flip_normals", False)
     return Disk(**common, to_world=to_world, flip_normals=flip)

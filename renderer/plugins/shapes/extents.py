@@ -1,7 +1,7 @@
-"""Boxes and hulls of primitives: what every builder of an accelerator is given.
+"""Boxes and hulls of primitives: the input of every builder of an accelerator.
 
-A builder never sees triangles or spheres, only their boxes and hulls. So each accelerator
-holds every kind of primitive.
+A builder reads no triangles or spheres, only their boxes and hulls. So each accelerator
+supports every kind of primitive.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from renderer.plugins.shapes.primitives import ROUNDING as ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.worker_pool import in_parts
 
-# (n,) column numbers -> the group of those primitives, in that order; one may come twice
+# column numbers (n,), perhaps repeated -> the group of those primitives, in that order
 PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
 
 
@@ -39,23 +39,23 @@ def primitive_bounds(
     points = SHAPES[kind].corners(surfaces)
     lower = np.minimum.reduce(points)
     upper = np.maximum.reduce(points)
-    # the sums above are rounded, and the hit test rounds in another way: pad by that
+    # the sums above and the hit test round differently: pad by the largest rounding error
     slack = ROUNDING * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
     return (lower - slack).astype(np.float32), (upper + slack).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Extents:
-    """Boxes and hulls of n primitives, and how far from them rays may find them."""
+    """Boxes and hulls of n primitives, and the distance by which rounding widens them."""
 
     lower: NDArray[np.float32]  # (3, n) smallest x, y, z
     upper: NDArray[np.float32]  # (3, n) largest x, y, z
-    # Rays from |x| + |y| + |z| <= reach find a primitive up to `pad` outside of its box.
-    # A structure of cells grows boxes and hulls by it, and tests rays from farther away
-    # against all primitives.
+    # A ray that starts at |x| + |y| + |z| <= reach may hit a primitive up to `pad` outside
+    # of its box. Grids pad boxes and hulls by this, and test rays from farther away against
+    # all primitives.
     reach: float
     pad: float
-    make_hulls: Callable[[], Hulls]  # computed on first use: a BVH needs none
+    make_hulls: Callable[[], Hulls]  # called on first use: a BVH needs no hulls
 
     @functools.cached_property
     def _hulls(self) -> Hulls:
@@ -63,36 +63,36 @@ class Extents:
 
     @property
     def points(self) -> NDArray[np.float32]:
-        """(3, 4, n): a primitive lies within their convex hull, grown by `radius`."""
+        """(3, 4, n): a primitive lies in the hull of its 4 points, grown by `radius`."""
         return self._hulls.points
 
     @property
     def radius(self) -> NDArray[np.float32]:
-        """(n,)."""
+        """(n,) by which the convex hull of `points` is grown."""
         return self._hulls.radius
 
     @property
     def normal(self) -> NDArray[np.float32]:
-        """(3, n) unit, of the plane that a primitive lies in; 0 where it is not flat."""
+        """(3, n) unit normal of the plane of a flat primitive; 0 if it is not flat."""
         return self._hulls.normal
 
 
 def extents_of(
     kind: str, surfaces: Any, order: NDArray[np.int64], reach: float = 0.0
 ) -> Extents:
-    """Return the extents of some primitives of one kind.
+    """Return the extents of some primitives of one kind of shape.
 
     Parameters
     ----------
     kind
-        One of `renderer.plugins.shapes.registry.SHAPES`.
+        Name of the kind, a key of `renderer.plugins.shapes.registry.SHAPES`.
     surfaces
-        The record of that kind.
+        Table of that kind's primitives.
     order
         Columns of the record, (n,).
     reach
-        Rays from this far (sum of absolute coordinates) shall be fast; what encloses the
-        primitives always is.
+        Rays that start within this sum of absolute coordinates shall be fast; the box
+        of the primitives is always included.
     """
     lower, upper = primitive_bounds(kind, surfaces)
     if not np.array_equal(order, np.arange(lower.shape[1])):

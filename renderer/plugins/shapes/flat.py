@@ -1,4 +1,4 @@
-"""What flat shapes have in common: plane, patch, hit and point."""
+"""Code shared by flat shapes: plane, patch, intersection and surface point."""
 
 from __future__ import annotations
 
@@ -23,20 +23,19 @@ from renderer.plugins.shapes.primitives import Intersection, mirrors, unit_norma
 # -------------------------------------------------------------------------------- patch
 # Flat primitives: a corner, two edges, and the plane they span.
 #
-# Triangle, parallelogram and disk differ only in which (u, v) are inside. Vectors may be
-# of scalars or lanes on either side: one primitive for 16 rays, or 16 primitives for one
-# ray.
+# Triangle, parallelogram and disk differ only in the test of (u, v). Either the patch or
+# the ray may be in lanes: one primitive for 16 rays, or 16 primitives for one ray.
 
-# A Python literal would make scalars float64, and round differently from the lanes.
+# A Python literal would make scalars float64, which round differently from the lanes.
 ONE = np.float32(1.0)
 ZERO = np.float32(0.0)
 # Rays at less than about this angle [rad] to a plane are decided in double precision. The
-# rounding of t and (u, v) grows with 1 / angle, without a bound: brute force in single
-# precision reported hits far outside of the primitive, and accelerators, which go by
-# boxes, disagreed with it (278 of 5.6 million awkward rays; now none).
+# rounding error of t and (u, v) grows as 1 / angle, without a bound. In single precision
+# brute force reported hits far outside of the primitive, and accelerators, which test
+# boxes, disagreed with it (278 of 5.6 million grazing rays; now none).
 GRAZING = np.float32(0.125)
-# A grazing ray is decided again if single precision puts it inside, or outside by no more
-# than this in u and v: rounding may have taken it over an edge.
+# A grazing ray is decided again if single precision puts it inside, or outside by at most
+# this in u and v: rounding may have moved it across an edge.
 MARGIN = np.float32(-0.125)
 
 
@@ -51,7 +50,7 @@ class Patch(NamedTuple):
 
 
 class PlaneHit(NamedTuple):
-    """t, u, v of a ray in a plane, multiplied by `scale` >= 0 to put off the division."""
+    """t, u, v of a ray in a plane, times `scale` >= 0: the division comes later."""
 
     scale: Any
     t: Any
@@ -63,10 +62,10 @@ class PlaneHit(NamedTuple):
 def meet_plane(patch, origin, direction):
     """Intersect with the plane of a patch and solve for (u, v).
 
-    The lecture's steps: t = n . (c - p) / n . d, then c + u e1 + v e2 = p + t d. Crossing
-    the second equation with d removes t: with r = (c - p) x d, u = e2 . r / n . d and
-    v = -e1 . r / n . d. For a ray parallel to the
-    plane n . d (`scale`) is 0, and the tests of the caller reject it.
+    The lecture's steps: t = n . (c - p) / n . d, then c + u e1 + v e2 = p + t d. The cross
+    product of the second equation with d eliminates t: with r = (c - p) x d,
+    u = e2 . r / n . d and v = -e1 . r / n . d. If the ray is parallel to the plane, n . d
+    (`scale`) is 0, and the callers' tests reject it.
     """
     to_corner = patch.corner - origin
     r = cross(to_corner, direction)
@@ -80,7 +79,7 @@ def meet_plane(patch, origin, direction):
 
 @kernel
 def _upright(slope, t, u, v):
-    """Return t, u, v over a scale that is not negative."""
+    """Return t, u, v and scale with the sign changed where `slope` is negative."""
     return PlaneHit(
         fabs(slope),
         negate_by_sign(t, slope),
@@ -91,7 +90,7 @@ def _upright(slope, t, u, v):
 
 @kernel
 def _breadth(normal, stored):
-    """Return |x| + |y| + |z|, which groups store and blocks do not."""
+    """Return |x| + |y| + |z|; groups store it, blocks have it computed here."""
     if stored is None:
         return fabs(normal.x) + fabs(normal.y) + fabs(normal.z)
     return stored
@@ -99,14 +98,15 @@ def _breadth(normal, stored):
 
 @kernel
 def grazing(patch, plane_hit, direction):
-    """Return which rays graze the plane in front of them: there rounding has no bound.
+    """Return the mask of rays that graze the plane in front of their origin.
 
-    Those of them that come near the patch take the steps again (`meet_plane_in_double`).
-    t_max must have no say in which: it is the nearest hit so far, that depends on the order
-    of visits, and two accelerators would decide one hit in two precisions.
+    Their rounding error has no bound. Those that pass near the patch are intersected again
+    by `meet_plane_in_double`. The mask must not depend on t_max, the nearest hit so far:
+    t_max depends on the order of visits, so two accelerators would decide the same hit in
+    different precisions.
     """
     d = direction
-    longest = GRAZING * (fabs(d.x) + fabs(d.y) + fabs(d.z))  # 1 in the world, not in groups
+    longest = GRAZING * (fabs(d.x) + fabs(d.y) + fabs(d.z))  # |d| is not 1 in instances
     breadth = _breadth(patch.normal, patch.breadth)
     return (plane_hit.scale < longest * breadth) & (plane_hit.t > 0.0)
 
@@ -119,8 +119,8 @@ def in_double(a):
 
 @kernel
 def meet_plane_in_double(patch, origin, direction, doubtful, single):
-    """Return what `meet_plane` does, in double precision where `doubtful`."""
-    never_inline()  # or bundles of camera rays are a quarter slower
+    """Return `meet_plane` in double precision where `doubtful`, elsewhere `single`."""
+    never_inline()  # inlined, packets of camera rays are a quarter slower
     edge1, edge2 = in_double(patch.edge1), in_double(patch.edge2)
     d = in_double(direction)
     to_corner = in_double(patch.corner) - in_double(origin)
@@ -142,29 +142,29 @@ def meet_plane_in_double(patch, origin, direction, doubtful, single):
 
 @kernel
 def divided(plane_hit, inside, t_max):
-    """Return the intersection where `inside`, 0 < t <= t_max and t is finite.
+    """Return the hit mask `inside` and 0 < t <= t_max and t finite, with t, u, v.
 
-    t is compared after the division, as every other comparison of t is: otherwise two
-    primitives at equal t could win in one order of visits and lose in another.
+    t is compared after the division, as everywhere else. Otherwise which of two
+    primitives at equal t is reported could depend on the order of visits.
     """
     inverse = ONE / plane_hit.scale
     t = plane_hit.t * inverse
     hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
-    hit &= t < np.float32(np.inf)  # a triangle of 1e-20 may be met there
+    hit &= t < np.float32(np.inf)  # t overflows for a triangle of size 1e-20
     return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)
 
 
 # --------------------------------------------------------------------------------- flat
-# What the tables of triangles, rectangles and disks share: a corner and two edges.
+# Tables of triangles, rectangles and disks share these: a corner and two edges.
 
-# The parts of a table of `places`, three rows each: what a point of a flat shape needs.
+# Parts of the table `places`, three rows each: all that a point of a flat shape needs.
 PARTS = ("corner", "edge1", "edge2", "normal")
 
 Record = TypeVar("Record")
 
 
 def with_parts(record: type[Record]) -> type[Record]:
-    """Give a record that has `places` each of their parts, (3, n), as an attribute."""
+    """Add to a record with `places` each part, (3, n), as a property."""
     for k, name in enumerate(PARTS):
         rows = slice(3 * k, 3 * k + 3)
         setattr(record, name, property(lambda surfaces, rows=rows: surfaces.places[rows]))
@@ -173,7 +173,7 @@ def with_parts(record: type[Record]) -> type[Record]:
 
 @with_parts
 class FlatSurfaces(NamedTuple):
-    """Flat shapes first .. end - 1 by primitive id; their classes derive from this one."""
+    """Flat shapes with primitive ids first .. end - 1; base class of their records."""
 
     first: int
     end: int
@@ -181,7 +181,7 @@ class FlatSurfaces(NamedTuple):
 
 
 def flat_surfaces(record: Any, first: int, corner: Any, x: Any, y: Any) -> Any:
-    """Return the record of flat shapes from rows (n, 3) of corners and edges."""
+    """Return the record of flat shapes from corners and edges, (n, 3) each."""
     return record(first, first + len(corner), places(corner.T, x.T, y.T))
 
 
@@ -191,24 +191,24 @@ def places(corner: Any, edge1: Any, edge2: Any) -> NDArray[np.float32]:
 
 
 def replaced(surfaces: Any, **parts: Any) -> Any:
-    """Return a record of flat shapes with other `corner`, `edge1`, ..., (3, n)."""
+    """Return a copy of a record with other `corner`, `edge1`, ..., (3, n) each."""
     rows = [parts.get(name, getattr(surfaces, name)) for name in PARTS]
     return surfaces._replace(places=by_columns(np.concatenate(rows)))
 
 
 def placed_axes(shapes: list[Any]) -> tuple[Any, Any, Any]:
-    """Return the local x and y axes and the centres of shapes in the world, (n, 3)."""
+    """Return the local x and y axes and the centres of shapes in world space, (n, 3)."""
     matrices = np.array([shape.to_world for shape in shapes])
     return matrices[:, :3, 0], matrices[:, :3, 1], matrices[:, :3, 3]
 
 
 def orientation(shape: Any) -> float:
-    """Return -1 where the normal, the transformed +z, is opposite to edge1 x edge2."""
+    """Return -1 if the normal (the transformed +z) is opposite to edge1 x edge2, else 1."""
     return -1.0 if mirrors(shape.to_world) != shape.flip_normals else 1.0
 
 
 def hull(corners: tuple[tuple[float, float], ...]) -> Callable[[Any, Any], Any]:
-    """Return what makes hulls of the points corner + u edge1 + v edge2: flat, no radius."""
+    """Return a function that computes hulls of the points corner + u edge1 + v edge2."""
 
     def of(s: Any, order: Any) -> tuple[Any, Any, Any]:
         c, e1, e2 = (a[:, order] for a in (s.corner, s.edge1, s.edge2))
@@ -219,7 +219,7 @@ def hull(corners: tuple[tuple[float, float], ...]) -> Callable[[Any, Any], Any]:
 
 
 def areas(factor: float) -> Callable[[Any, Any], NDArray[np.float64]]:
-    """Return what gives areas: so many times that of the parallelogram."""
+    """Return a function that computes areas: `factor` times that of the parallelogram."""
 
     def of(s: Any, k: Any) -> NDArray[np.float64]:
         a, b = (edges[:, k].T.astype(np.float64) for edges in (s.edge1, s.edge2))
@@ -229,7 +229,7 @@ def areas(factor: float) -> Callable[[Any, Any], NDArray[np.float64]]:
 
 
 def numbers(s: Any, columns: Any) -> tuple[Any, ...]:
-    """Return the fields of `patch.Patch`."""
+    """Return the fields of `Patch`."""
     edge1, edge2 = s.edge1[:, columns], s.edge2[:, columns]
     normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
     normal = normal.astype(np.float32)

@@ -1,18 +1,18 @@
-"""The shape `implicit`, g(x, y, z) = 0: the first root along a ray, point and normal.
+"""The shape `implicit`, g(x, y, z) = 0: first root along a ray, point and normal.
 
-The first root of g along a ray, without missed or false roots.
+The root finder neither misses roots nor reports false ones.
 
-[Mitchell1990]: an interval of t on which g cannot be 0 is left out. An interval on which
-the derivative cannot be 0 has at most one root, and has it if g changes its sign. Any other
-is halved. Two bounds show that g cannot be 0: its values on the interval, and the value in
-the middle plus slopes times half the width, which is much tighter near a root. Intervals
-are visited from the near end on, so the first root found is the first.
+[Mitchell1990]: An interval of t on which g cannot be 0 is skipped. If the derivative
+cannot be 0 on it, it has at most one root, and it has one if g changes its sign. Any other
+interval is halved. Two bounds exclude zeros of g: its interval extension, and the value at
+the middle plus the slopes times half the width, which is much tighter near a root.
+Intervals are visited in order of t, so the first root found is the smallest.
 
-How far this holds. For g in double precision along the ray as it is given, every interval
-is rounded outwards (`intervals`), so no root is missed. What is still undecided when an
-interval is 2^-42 of the ray's length wide counts as a root: there |g| is within rounding of
-0, which is a surface that the ray touches. It may in truth be missed by some 1e-13. Where
-g is unbounded even there, it is a pole and no root.
+Limits: g is taken in double precision along the given ray, and every interval is rounded
+outwards (`intervals`), so no root is missed. An interval of 2^-42 of the ray's length that
+is still undecided counts as a root: there |g| is within rounding error of 0, as where a
+ray touches the surface. Such a ray may in truth miss the surface by about 1e-13. If g is
+unbounded even there, it is a pole and not a root.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ from renderer.scene_file.objects.expressions import (
 )
 from renderer.scene_file.tree import Function
 
-_NARROWEST = 2.0**-42  # of the ray's ends
-_STACK = 64  # halvings, as many as there is room for; _NARROWEST needs 42
-_STEPS = 64  # of Newton's method, or bisections, which gain a bit each
+_NARROWEST = 2.0**-42  # smallest width of an interval, relative to the ray's ends
+_STACK = 64  # capacity for halved intervals; _NARROWEST needs 42
+_STEPS = 64  # steps of Newton's method, or bisections, each of which gains one bit
 _ROUNDING = 1.0 + 2.0**-50
 
 
@@ -68,7 +68,7 @@ def _has_zero(a):
 
 @kernel
 def _around_middle(value, slope, half):
-    """Return the values that g can have within `half` of a point."""
+    """Return the interval of the values that g can have within `half` of a point."""
     reach = max(abs(slope.low), abs(slope.high)) * half * _ROUNDING if half > 0.0 else 0.0
     return Interval(
         (value.low - reach) - abs(value.low - reach) * 2.0**-50,
@@ -78,7 +78,7 @@ def _around_middle(value, slope, half):
 
 @kernel
 def _sign(a):
-    """Return 1 or -1 where all of an interval has that sign, else 0."""
+    """Return 1 or -1 if all of an interval has that sign, else 0."""
     if a.low > 0.0:
         return 1
     return -1 if a.high < 0.0 else 0
@@ -86,7 +86,7 @@ def _sign(a):
 
 @kernel
 def _refined(program, origin, direction, near, far, increasing):
-    """Return the root between near and far, where g is monotone: Newton, kept inside."""
+    """Return the root in [near, far], where g is monotone, by safeguarded Newton steps."""
     t = 0.5 * (near + far)
     steps = 0
     while steps < _STEPS:
@@ -109,7 +109,7 @@ def _refined(program, origin, direction, near, far, increasing):
 
 @kernel
 def first_root(program, origin, direction, near, far):
-    """Return the smallest t in [near, far] with g = 0, and how often g was evaluated.
+    """Return the smallest t in [near, far] with g = 0, and the number of evaluations of g.
 
     t is infinite if g has no root. `origin` and `direction` are double precision.
     """
@@ -151,24 +151,24 @@ def first_root(program, origin, direction, near, far):
 # ----------------------------------------------------------------------------- implicit
 # Implicit surface: all points of a box with g(x, y, z) = 0, for any function g.
 #
-# The normal is the gradient of g, so that a g that is negative inside has its normals
-# outside. One program on a stack evaluates all functions (`intervals`), and roots are
-# found with a guarantee (`roots`): the lecture's general isosurface. Mitsuba has no such
+# The normal is the gradient of g: it points outwards if g is negative inside. A stack
+# machine evaluates all functions (`intervals`), and the first root is found with a
+# guarantee (`first_root`). This is the lecture's general isosurface. Mitsuba has no such
 # shape.
 
 
 class ImplicitSurfaces(NamedTuple):
-    """Surfaces first .. end - 1 by primitive id."""
+    """Surfaces with primitive ids first .. end - 1."""
 
     first: int
     end: int
-    lower: NDArray[np.float64]  # (3, n) of the box, in the shape's own space
+    lower: NDArray[np.float64]  # (3, n) lower corners of the boxes, object space
     upper: NDArray[np.float64]  # (3, n)
-    to_world: NDArray[np.float64]  # (12, n) rows
-    to_object: NDArray[np.float64]  # (12, n) rows
-    size: NDArray[np.float32]  # (n,) largest coordinate in the world
-    begin: NDArray[np.int64]  # (n,) first operation of its program
-    finish: NDArray[np.int64]  # (n,) the one after its last
+    to_world: NDArray[np.float64]  # (12, n) 3 x 4 matrices, by rows
+    to_object: NDArray[np.float64]  # (12, n) their inverses
+    size: NDArray[np.float32]  # (n,) largest absolute coordinate in world space
+    begin: NDArray[np.int64]  # (n,) index of the first operation of its program
+    finish: NDArray[np.int64]  # (n,) one past its last operation
     operations: NDArray[np.int32]  # (m,) of all programs
     operands: NDArray[np.float64]  # (m,)
 
@@ -212,9 +212,9 @@ def _gradient(program, p):
 
 @kernel
 def point_and_normal(surfaces, k, hit_point):
-    """Take a Newton step along the gradient.
+    """Return the point after one Newton step along the gradient, and its normal.
 
-    Where the gradient is 0, at a cusp, the point stays and the normal is z.
+    Where the gradient is 0, as at a cusp, the point is unchanged and the normal is z.
     """
     never_inline()
     program = _program(surfaces, k)
@@ -238,7 +238,7 @@ def point_and_normal(surfaces, k, hit_point):
 
 @kernel
 def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
-    """Return the point; it has no texture coordinates."""
+    """Return the surface point; it has no texture coordinates."""
     position, normal, _ = points_alone(surfaces, index, mask, hit_point)
     offset = gather_row(surfaces.size, 0, index, mask) * ROUNDING
     nothing = normal.x * 0.0
@@ -247,7 +247,7 @@ def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _tangent_at(surfaces, index, mask, u, v, normal):
-    """Return any direction across the normal: there is no u."""
+    """Return any tangent: there is no u."""
     s, _ = orthonormal_basis(normal)
     return s
 
@@ -256,7 +256,7 @@ def _tangent_at(surfaces, index, mask, u, v, normal):
 
 
 def read(properties: Any, common: dict[str, Any]) -> Implicit:
-    """Read the properties of a file."""
+    """Read the properties of an `implicit`."""
     refuse_lamp(properties, common)
     lower = np.array(properties.vector("bounds_min", (-1.0, -1.0, -1.0)))
     upper = np.array(properties.vector("bounds_max", (1.0, 1.0, 1.0)))

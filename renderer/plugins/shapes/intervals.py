@@ -1,12 +1,12 @@
-"""A function and its derivative along a line, on intervals that hold all their values.
+"""Interval arithmetic: bounds of a function and its derivative along a line.
 
-Interval arithmetic [Moore1966]: of operands anywhere in their intervals, the result is
-anywhere in its interval. All numbers are double precision. The direction of rounding cannot
-be chosen, so each result is moved outwards by more than its rounding error. An unbounded
-result (a quotient by an interval that contains 0) has infinite ends.
+Interval arithmetic [Moore1966]: for all operands in their intervals, the result lies in
+the result's interval. All numbers are double precision. The rounding mode cannot be set,
+so each result is widened by more than its rounding error. An unbounded result (a quotient
+by an interval that contains 0) has infinite ends.
 
-Derivatives go along by the chain rule. Where a function has a kink (abs, min, max, the
-square root at 0), the interval holds all slopes on both sides.
+Derivatives follow by the chain rule. At a kink of the function (abs, min, max, the square
+root at 0), the interval contains all slopes on both sides.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ from renderer.scene_file.objects.expressions import (
 )
 
 _ULP = 2.0**-52
-_TINY = 1e-300  # moves 0 and numbers without full precision outwards
+_TINY = 1e-300  # widens 0 and subnormal numbers
 _LARGEST = 1.7976931348623157e308
 _INFINITY = np.inf
 _HALF_PI = 0.5 * np.pi
 _TWO_PI = 2.0 * np.pi
-_MOST_TURNS = 1e6  # beyond, sines are -1 to 1: places of maxima are not known well enough
+_MOST_TURNS = 1e6  # for larger angles sines are [-1, 1]: their maxima are not known exactly
 
 
 class Interval(NamedTuple):
-    """All numbers from `low` to `high`."""
+    """All numbers in [low, high]."""
 
     low: Any
     high: Any
 
 
 class Steps(NamedTuple):
-    """A program of `scene_file.objects.expressions`: a part of what all programs have."""
+    """One program of `scene_file.objects.expressions`, as a range of shared arrays."""
 
     operations: Any
     operands: Any
@@ -61,7 +61,7 @@ class Steps(NamedTuple):
 
 @kernel
 def _down(x):
-    """Return a number below what has been rounded to x."""
+    """Return a number below any that rounds to x."""
     if x >= _LARGEST:
         return _LARGEST  # it may have overflowed
     return x - (abs(x) * _ULP + _TINY)
@@ -76,7 +76,7 @@ def _up(x):
 
 @kernel
 def _widened(low, high, ulps):
-    """Return the interval from low to high, moved outwards by so many roundings."""
+    """Return [low, high], widened by `ulps` units in the last place."""
     if low >= _LARGEST:
         low = _LARGEST
     elif low > -_INFINITY:
@@ -90,7 +90,7 @@ def _widened(low, high, ulps):
 
 @kernel
 def _times(a, b):
-    """Return a b; 0 times what is unbounded is 0."""
+    """Return a b, where 0 times infinity is 0."""
     product = a * b
     return product if product == product else 0.0
 
@@ -121,7 +121,7 @@ def _whole():
 
 @kernel
 def reciprocal(a):
-    """Return 1 / a; unbounded where 0 is in a."""
+    """Return 1 / a; unbounded if a contains 0."""
     if a.low <= 0.0 and a.high >= 0.0:
         return _whole()
     return Interval(_down(1.0 / a.high), _up(1.0 / a.low))
@@ -150,9 +150,10 @@ def power(a, n):
 
 @kernel
 def _wave(a, low, high, peak):
-    """Return the range over a of a wave of period 2 pi, from its values at the ends.
+    """Return the range over a of a wave of period 2 pi.
 
-    `peak` is where it is 1; half a turn later it is -1.
+    `low` and `high` are its values at the ends of a. It is 1 at `peak`, and -1 half a
+    period later.
     """
     if not (a.high - a.low < _TWO_PI and abs(a.low) + abs(a.high) < _MOST_TURNS):
         return Interval(-1.0, 1.0)
@@ -185,7 +186,7 @@ def cosine(a):
 
 @kernel
 def square_root(a):
-    """Return sqrt a, 0 for what is negative."""
+    """Return sqrt a, with 0 for negative numbers."""
     wide = _widened(np.sqrt(max(a.low, 0.0)), np.sqrt(max(a.high, 0.0)), 2.0)
     return Interval(max(wide.low, 0.0), wide.high)
 
@@ -209,7 +210,7 @@ def _hull(a, b):
 
 @kernel
 def _unary(operation, n, a, da):
-    """Return the value and the derivative of a function of one number."""
+    """Return the value and the derivative of a unary operation."""
     if operation == NEGATE:
         return _negated(a), _negated(da)
     if operation == POWER:
@@ -231,7 +232,7 @@ def _unary(operation, n, a, da):
         if a.low <= 0.0:
             return value, multiply(Interval(0.0, _INFINITY), da)
         return value, multiply(reciprocal(add(value, value)), da)
-    # the absolute value
+    # absolute value
     if a.low >= 0.0:
         return a, da
     if a.high <= 0.0:
@@ -252,7 +253,7 @@ def _lesser(a, da, b, db):
 
 @kernel
 def _binary(operation, a, da, b, db):
-    """Return the value and the derivative of a function of two numbers."""
+    """Return the value and the derivative of a binary operation."""
     if operation == ADD:
         return add(a, b), add(da, db)
     if operation == SUBTRACT:
@@ -279,19 +280,19 @@ def _coordinate(origin, direction, t):
 
 @kernel
 def along_line(program, origin, direction, t):
-    """Return g(origin + t direction) and its derivative by t, for all t of an interval.
+    """Return g(origin + t direction) and its derivative by t, for all t in an interval.
 
     Parameters
     ----------
     program
-        `Steps`.
+        The program, a `Steps`.
     origin, direction
-        In double precision.
+        Ray in double precision.
     t
         Interval.
     """
     never_inline()
-    stack = local_f64(256)  # four for each number that waits, at most 64
+    stack = local_f64(256)  # up to 64 entries: low and high of value and derivative
     operands, top = program.operands, -4
     for k in range(program.first, program.end):
         operation = program.operations[k]

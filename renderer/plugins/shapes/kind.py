@@ -1,4 +1,4 @@
-"""What a kind of shape is: its description, its tables, and the kernels that read them."""
+"""`ShapeKind`: the description, tables and kernels that a kind of shape consists of."""
 
 from __future__ import annotations
 
@@ -27,87 +27,89 @@ from renderer.plugins.shapes.surface import (
 from renderer.plugins.shapes.uv import derivatives_by_place, no_derivatives, uv_axes
 from renderer.scene_file.coordinate_limits import FARTHEST
 
-LANES = 16  # columns behind the last primitive of a group, so that 16 can be loaded of any
+LANES = 16  # columns of padding in a group: 16 lanes can be loaded from any primitive
 
 
 def flipped(shape: Any) -> float:
-    """Return the orientation of shapes whose normals only the file turns around."""
+    """Return the orientation of shapes whose normal is flipped by `flip_normals` alone."""
     return -1.0 if shape.flip_normals else 1.0
 
 
 def one_face(shape: Any) -> NDArray[np.int64]:
-    """Return the numbers of the primitives of a shape that is one."""
+    """Return the primitive numbers of a shape that is a single primitive."""
     return np.zeros(1, np.int64)
 
 
 def no_area(surfaces: Any, columns: Any) -> NDArray[np.float64]:
-    """Return zeros, for kinds that cannot be lamps."""
+    """Return zeros, for kinds that cannot be area lights."""
     return np.zeros(len(columns))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeKind:
-    """One kind of shape. `registry.register_shape` makes it known.
+    """One kind of shape, made available by `registry.register_shape`.
 
-    Its kernels are implementations of interfaces, which say what they are given and return.
+    Its kernels implement the interfaces named below, which document arguments and results.
 
     Parameters
     ----------
     name
-        Of its primitives, in the plural.
+        Name of the kind, in the plural.
     plugins
-        Name in scene files -> what makes the description from the properties of a file and
-        the fields that all shapes have.
+        Plugin name in scene files -> function of (properties of the file, the fields
+        that all shapes have) that returns the description.
     description
-        The class of the scene's description.
+        Class of the scene description.
     record
-        The class of the table of its primitives: a NamedTuple with `first` and `end`, the
-        primitive ids, and arrays.
+        Class of the table of its primitives: a NamedTuple with primitive ids `first`
+        and `end`, and arrays.
     surfaces
-        (shapes, first primitive id) -> the table of all these shapes.
+        (shapes, first primitive id) -> the table of these shapes.
     primitive
-        The class of one primitive, whose fields are annotated as `kernels.lanes.fields`
-        says: what an accelerator holds. None: rays are intersected with one primitive at a
-        time, in double precision, see `scalar_shapes`.
+        Class of one primitive as an accelerator stores it; its fields are annotated as
+        described in `kernels.lanes.fields`. None: rays are intersected with one
+        primitive at a time, in double precision, see `scalar_shapes`.
     numbers
-        (table, columns) -> the fields of the primitives as arrays (3, n) or (n,). None: the
-        table has arrays of these names.
+        (table, columns) -> the fields of the primitives as arrays (3, n) or (n,). None:
+        they are the table's arrays of the same names.
     fill
-        (table, columns, rows): writes these fields to the first columns of rows (numbers of
-        a primitive, n). None: by `numbers`.
+        (table, columns, rows): writes these fields to the first columns of `rows`,
+        (numbers of a primitive, n). None: done with `numbers`.
     intersect
-        Kernel, `primitives.intersect`; without a `primitive`, that of `intersect_scalar`.
+        Kernel, `primitives.intersect`; without a `primitive`, `intersect_scalar`.
     point
-        Kernel, `scalar_shapes.point_alone`; only without a `primitive`.
+        Kernel, `scalar_shapes.point_alone`; used only without a `primitive`.
     surface_point, tangent, sample, pdf, point_at_uv
-        Kernels, see `surface`. Without `sample` it cannot be a lamp, without `point_at_uv`
-        not one whose radiance is a texture.
+        Kernels, see `surface`. Without `sample` the kind cannot be an area light,
+        without `point_at_uv` not one with textured radiance.
     corners
-        table -> arrays (3, n) of points whose box holds each primitive.
+        table -> arrays (3, n); the box of these points contains each primitive.
     boxes
-        table -> lower and upper corners (3, n), padded (`extents.primitive_bounds`). None:
-        by `corners`.
+        table -> lower and upper corners (3, n), padded (`extents.primitive_bounds`).
+        None: computed from `corners`.
     hull
-        (table, columns) -> points (3, 4, n), radius (n,) and normal (3, n): a primitive
-        lies in the hull of the points, grown by the radius, and in the plane across the
-        normal (0 where it is not flat).
+        (table, columns) -> points (3, 4, n), radius (n,) and normal (3, n). A primitive
+        lies in the convex hull of its points, grown by the radius. A flat primitive
+        lies in the plane with this normal; the normal is 0 if it is not flat.
     areas
         (table, columns) -> surface areas (n,), float64.
     uv_axes
-        Kernel, see `uv.uv_derivatives`: dp/du and dp/dv at a local point, for bumps.
+        Kernel, see `uv.uv_derivatives`: dp/du and dp/dv at a local point, for bump
+        maps.
     derivatives
-        (table, its shapes) -> the record of `uv_derivatives`. None: by `uv_axes`; without
-        that, bumps do not displace such shapes.
+        (table, its shapes) -> the record for `uv_derivatives`. None: made with
+        `uv_axes`; if that is None too, bump maps have no effect on such shapes.
     orientation
-        shape -> -1 where its normal is opposite to the one that the kernels compute.
+        shape -> -1 if its normal is opposite to the one that the kernels compute, else
+        1.
     other_textured_side
-        shape -> the same where a texture that shines is sampled. None: it is the same.
+        shape -> the same for sampling textured radiance. None: `orientation`.
     faces
-        shape -> the number of each of its primitives within the shape, (n,).
+        shape -> the number of each primitive within the shape, (n,).
     mesh
-        Whether a shape has many primitives: a lamp then chooses one of them by a table.
+        Whether a shape has many primitives: an area light then selects one by a table.
     prepared
-        (table, with_uv, with_tangents) -> the table with what the kernels will look at.
+        (table, with_uv, with_tangents) -> the table, reduced to what the kernels read.
     """
 
     name: str
@@ -139,27 +141,27 @@ class ShapeKind:
 
     @property
     def wide(self) -> bool:
-        """Whether eight primitives can lie side by side in a leaf."""
+        """Whether eight primitives can be stored as a block in a leaf."""
         return self.primitive is not None
 
     def textured_side(self, shape: Any) -> float:
-        """Return the orientation of a shape where a texture that shines is sampled."""
+        """Return the orientation of a shape for sampling textured radiance."""
         return (self.other_textured_side or self.orientation)(shape)
 
     def corners_of(self, shape: Any) -> list[NDArray[np.float32]]:
-        """Return points whose box holds a shape, and perhaps others within `FARTHEST`."""
-        if self.mesh:  # the tables of a large one take a while
+        """Return points whose box contains a shape, perhaps with unused vertices."""
+        if self.mesh:  # building the tables of a large mesh takes long
             near = np.abs(shape.vertices).max(initial=0.0) < FARTHEST
             return [shape.vertices if near else shape.vertices[shape.faces]]
         return self.corners(self.surfaces([shape], 0))
 
     def group(self, surfaces: Any, columns: NDArray[np.int64]) -> Any:
-        """Return the primitives in these columns as an accelerator holds them."""
+        """Return the primitives of these columns as a group of an accelerator."""
         n = len(columns)
         ids = np.zeros(n + LANES, np.int32)
         ids[:n] = columns + surfaces.first
         if self.primitive is None:
-            # -1 is no surface: lanes beyond the last are not worth a search for roots
+            # column -1 is never hit: no root is searched in lanes beyond the last primitive
             column = np.full(n + LANES, -1, np.int32)
             column[:n] = columns
             return ScalarGroup(column, surfaces, ids, n)
@@ -177,12 +179,12 @@ class ShapeKind:
         return Group(form_of(self.primitive), rows, ids, n)
 
     def derivatives_of(self, surfaces: Any, shapes: Any) -> Any:
-        """Return the record of `uv_derivatives`; `shapes` are all of the table."""
+        """Return the record for `uv_derivatives`; `shapes` are all shapes of the table."""
         otherwise = no_derivatives if self.uv_axes is None else derivatives_by_place
         return (self.derivatives or otherwise)(surfaces, shapes)
 
     def register_kernels(self) -> None:
-        """Implement the interfaces for the classes of this kind."""
+        """Register this kind's kernels for the classes of its records."""
         scalar = self.primitive is None
         (intersect_scalar if scalar else intersect).by(
             self.record if scalar else self.primitive
@@ -202,11 +204,11 @@ class ShapeKind:
 
 @dataclass(frozen=True)
 class ShapePlugin:
-    """A plugin of scene files, and the kind that its shapes are of."""
+    """A plugin of scene files, and the kind of shape that it creates."""
 
     kind: ShapeKind
     make: Callable[[Any, dict[str, Any]], Any]
 
     def read(self, properties: Any, common: dict[str, Any]) -> Any:
-        """Return the description; `common` are the fields of `description.Shape`."""
+        """Return the description; `common` has the fields of `description.Shape`."""
         return self.make(properties, common)

@@ -1,13 +1,13 @@
-"""Ray against linear curve: cones that touch a ball at both ends, and the balls themselves.
+"""Ray against linear curve: cones tangent to a ball at both ends, and the balls.
 
-A segment is a cone, the ball at its end beyond it, and, if it is the first of its curve,
-the ball at its start: together the hull of two balls for each segment [Han2019]. With unit
-axis e, radius r0 + k z and slope k, the cone is rho^2 (1 - k^2) = (r0 + k z)^2 at height z
-and distance rho from the axis. A ball that lies inside of the other has no cone.
+A segment is a cone, the ball at its end and, for the first segment of a curve, the ball at
+its start. Together they are the convex hull of two balls for each segment [Han2019]. With
+unit axis e, radius r0 + k z and slope k, the cone is rho^2 (1 - k^2) = (r0 + k z)^2 at
+height z and distance rho from the axis. There is no cone if one ball contains the other.
 
-In a bend a part of each segment lies inside of the next. Rays from outside never get there.
-For one that starts inside, the ball is left out where it lies in the cone that follows, and
-cones are not: so does Embree in Mitsuba, by measurement.
+In a bend a part of each segment lies inside of the next one. Rays from outside never hit
+that part. For a ray that starts inside, hits on the ball that lie inside of the next cone
+are dropped, but hits on cones are not. Embree does the same in Mitsuba, by measurement.
 """
 
 from __future__ import annotations
@@ -38,33 +38,33 @@ from renderer.plugins.shapes.scalar_shapes import INFINITY
 from renderer.plugins.shapes.surface import ROUNDING, SurfacePoint, magnitude, nowhere
 from renderer.scene_file.description import LinearCurve
 
-# The ball is met this far (in radii) behind the circle where the cone touches it, too:
-# there both are the same within 5e-7 radii, and rounding leaves no gap between them.
+# The ball is also hit up to this far (in radii) behind the circle where the cone touches
+# it. There both surfaces agree within 5e-7 radii, and rounding leaves no gap.
 _OVERLAP = np.float32(1e-3)
-# The next cone has this part of its squared radius when it leaves hits out, or rounding
-# would do it where both surfaces continue one another.
+# Hits are dropped inside of the next cone with its squared radius times this. Otherwise
+# rounding would drop hits where one surface continues the other.
 _WITHIN = np.float32(1.0 - 1e-5)
-_CLOSE = np.float32(1.001)  # rays that pass farther from the axis in radii cannot hit
+_CLOSE = np.float32(1.001)  # rays farther from the axis than this many radii cannot hit
 
 
 class Segment(NamedTuple):
-    """One segment, or 16 in lanes. Where no other follows, `after` is 0."""
+    """One segment, or 16 in lanes; `after` is 0 if no segment follows."""
 
     begin: Vector
     radius: Number
-    axis: Vector  # to the end
-    growth: Number  # of the radius
-    leads: Number  # 1: the first segment of its curve, 0: another
-    after: Vector  # from the end to that of the next segment
+    axis: Vector  # from begin to end
+    growth: Number  # change of the radius from begin to end
+    leads: Number  # 1 for the first segment of its curve, else 0
+    after: Vector  # `axis` of the next segment
     after_growth: Number
 
 
 @kernel
 def _unless_in_next(segment, p, d, t):
-    """Return t, infinite where p + t d, seen from the end, is in the cone that follows."""
+    """Return t, or infinity if p + t d (relative to the end) is inside of the next cone."""
     at, axis = p + d * t, segment.after
     square = dot(axis, axis)
-    inverse = ONE / sqrt(square)  # infinite if nothing follows: comparisons are false
+    inverse = ONE / sqrt(square)  # infinite without a next segment: comparisons are false
     e, slope = axis * inverse, segment.after_growth * inverse
     radius = segment.radius + segment.growth
     z = dot(at, e)
@@ -78,7 +78,7 @@ def _unless_in_next(segment, p, d, t):
 
 @kernel
 def _enter_ball(f, d, d_squared, radius):
-    """Return the discriminant, and the smaller t with |f + t d| = radius [Haines2019]."""
+    """Return the discriminant and the smaller t with |f + t d| = radius [Haines2019]."""
     middle = -dot(f, d) / d_squared
     nearest = f + d * middle
     discriminant = radius * radius - dot(nearest, nearest)
@@ -88,10 +88,10 @@ def _enter_ball(f, d, d_squared, radius):
 
 @kernel
 def hit_segment(segment, origin, direction, t_max):
-    """Intersect; hits enter, with 0 < t <= t_max; v is the place along the axis in [0, 1].
+    """Intersect where the ray enters: 0 < t <= t_max; v is the place on the axis in [0, 1].
 
-    All is seen from the point of the axis next to the ray, and the ray begins next to that:
-    then no large numbers cancel, however far away the ray has come from.
+    Coordinates are relative to the point of the axis nearest to the ray, and t starts at
+    the point of the ray nearest to that. So a distant origin causes no cancellation.
     """
     d, axis = direction, segment.axis
     f = origin - segment.begin
@@ -102,7 +102,7 @@ def hit_segment(segment, origin, direction, t_max):
     near = f - axis * s
     start = -dot(near, d) / d_squared
     o = near + d * start
-    zero = start * ZERO  # in lanes, whatever is in lanes of rays and segments
+    zero = start * ZERO  # in lanes if the rays or the segments are in lanes
     thickest = maximum(segment.radius, segment.radius + segment.growth) * _CLOSE
     close = dot(o, o) <= thickest * thickest
     if not any_of(close):
@@ -122,7 +122,7 @@ def hit_segment(segment, origin, direction, t_max):
     c = rest * dot(across, across) - here * here
     discriminant = b * b - a * c
     root = sqrt(maximum(discriminant, ZERO))
-    # the root at which the ray enters; of its two forms the one that does not cancel
+    # the root where the ray enters; of its two forms the one without cancellation
     t_cone = select(b > ZERO, -(b + root) / a, c / (root - b))
     v_cone = s + (z + t_cone * d_z + radius * slope) / rest * inverse
     met = has_cone & (discriminant > ZERO) & (v_cone >= ZERO) & (v_cone <= ONE)
@@ -158,7 +158,7 @@ def hit_segment(segment, origin, direction, t_max):
 
 @table_columns("numbers")
 class LinearSegments(CurveSurfaces):
-    """Segments; `numbers` are those of `Segment`."""
+    """Segments; `numbers` are the fields of `Segment`."""
 
 
 @kernel
@@ -182,7 +182,7 @@ def _point_on_segment(segments, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _no_tangent(segments, index, mask, u, v, normal):
-    """Return 0: Mitsuba has no dp/du here, and frames follow from their normal."""
+    """Return 0: Mitsuba has no dp/du here; frames are built from the normal alone."""
     return normal * 0.0
 
 
@@ -190,7 +190,7 @@ def _no_tangent(segments, index, mask, u, v, normal):
 
 
 def read(properties: Any, common: dict[str, Any]) -> LinearCurve:
-    """Read the properties of a file."""
+    """Read the properties of a `linearcurve`."""
     return read_curves(properties, common, LinearCurve, 2)
 
 
@@ -203,7 +203,7 @@ def surfaces(shapes: list[LinearCurve], first: int) -> LinearSegments:
         here, end = points[begins], points[begins + 1]
         leads = np.isin(begins, shape.starts)[:, None]
         after = np.zeros_like(here)
-        follows = np.flatnonzero(np.diff(begins) == 1)  # of the same curve
+        follows = np.flatnonzero(np.diff(begins) == 1)  # has a next segment in its curve
         after[follows] = (end[1:] - end[:-1])[follows]
         numbers.append(np.hstack([here, end - here, leads, after]))
         places.append(np.stack([np.arange(count), np.ones(count)], 1) / count)

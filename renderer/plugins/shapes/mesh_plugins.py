@@ -1,4 +1,4 @@
-"""Plugins that are triangle meshes: files of three formats, and the cube."""
+"""Plugins that create triangle meshes: three file formats, and the cube."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def read_cube(properties: Any, common: dict[str, Any]) -> Mesh:
 def _mesh(
     properties: Any, common: dict[str, Any], data: MeshData, sharp: bool = False
 ) -> Mesh:
-    """Place a mesh; a `sharp` one keeps its vertex normals and ignores face_normals."""
+    """Transform a mesh; if `sharp`, keep its vertex normals and ignore face_normals."""
     face_normals = properties.boolean("face_normals", False)
     mesh, log = build_mesh(
         data,
@@ -75,7 +75,7 @@ def _mesh(
 
 
 def _check_chart(properties: Any, mesh: Mesh) -> None:
-    """Refuse a textured lamp whose points are not known by their (u, v)."""
+    """Refuse textured radiance on a mesh with missing or overlapping uv."""
     what = f"{properties.location}: {properties.element} emits a texture, "
     if mesh.uvs is None:
         raise SceneError(f"{what}but has no texture coordinates")

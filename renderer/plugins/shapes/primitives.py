@@ -1,4 +1,4 @@
-"""What the tables of shapes are made with."""
+"""Intersection of one primitive, groups of primitives, and array helpers of the tables."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import always_inline, by_columns, interface, kernel
 from renderer.kernels.lanes.fields import lanes_from_rows, one_from_rows
 
-# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
-# that went into it (32 units in the last place of single precision).
+# Rounding of t and (u, v) moves a hit by at most this fraction of the coordinates that it
+# is computed from (32 units of 2^-24).
 ROUNDING = np.float32(32 * 2.0**-24)
 
 
@@ -23,8 +23,8 @@ def float32(rows: Any) -> NDArray[np.float32]:
 def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
     """Return edge1 x edge2 / |edge1 x edge2|, all (3, n).
 
-    In double precision: the square of an area leaves float32 for edges beyond 4e9. What
-    has no area has the normal 0; no ray hits it.
+    Computed in double precision: for edges beyond 4e9 the squared area overflows float32.
+    A primitive without area has the normal 0; no ray hits it.
     """
     n = np.cross(np.asarray(edge1, np.float64).T, np.asarray(edge2, np.float64).T)
     area = np.linalg.norm(n, axis=1, keepdims=True)
@@ -32,24 +32,24 @@ def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
 
 
 def empty_rows(rows: int) -> NDArray[np.float32]:
-    """Return a table without columns, for values that the scene does not use."""
+    """Return a table without columns, for attributes that the scene does not use."""
     return by_columns(np.zeros((rows, 0)))
 
 
 def mirrors(matrix: NDArray[np.float64]) -> bool:
-    """Return whether a transform turns right hands into left ones."""
+    """Return whether a transform changes handedness (negative determinant)."""
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 # --------------------------------------------------------------------------- primitives
-# Primitives of one kind of shape, in the order of an accelerator, and a ray against one.
+# Primitives of one kind of shape in the order of an accelerator, and their ray test.
 #
-# What an accelerator calls is resolved by the type of its primitives when it is compiled,
-# so that it is written once for all kinds of shapes and has no branch for them.
+# An accelerator calls interfaces that are resolved by the type of its primitives at compile
+# time. So it is written once for all kinds of shape, without a branch for each.
 
 
 class Intersection(NamedTuple):
-    """Where rays meet a primitive; t, u, v mean something only where `hit` is set."""
+    """Result of a ray-primitive test; t, u, v are valid only where `hit` is set."""
 
     hit: Any
     t: Any
@@ -58,11 +58,11 @@ class Intersection(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Primitives in rows; see `kernels.lanes.fields` for how these are laid out."""
+    """Primitives in rows, laid out as described in `kernels.lanes.fields`."""
 
-    form: Any  # stands for the class of the primitives
+    form: Any  # record whose type selects the class of the primitives
     rows: NDArray[np.float32]  # (numbers of a primitive, n), padded by 16 columns of zeros
-    id: NDArray[np.int32]  # (n,) primitive id in the scene, padded alike
+    id: NDArray[np.int32]  # (n,) primitive id in the scene, with the same padding
     count: int  # n without the padding
 
 
@@ -80,13 +80,14 @@ def primitives_from(group: Any, k: int) -> Any:
 def intersect(primitive: Any, origin: Any, direction: Any, t_max: Any) -> Any:
     """Return the `Intersection` with 0 < t <= t_max.
 
-    One primitive and 16 or 8 rays in lanes, or one ray and as many primitives, or both one.
+    Either one primitive and 16 or 8 rays in lanes, or one ray and 16 or 8 primitives in
+    lanes, or one ray and one primitive.
     """
 
 
 @kernel
 def hit_primitive(group, primitive, origin, direction, t_max):
-    """Intersect a primitive that came from `group`."""
+    """Intersect rays with a primitive that was loaded from `group`."""
     always_inline()
     return intersect(primitive, origin, direction, t_max)
 

@@ -1,4 +1,4 @@
-"""Ray against parallelogram: the triangle's plane and (u, v), with both up to 1."""
+"""Ray against parallelogram: the triangle's plane test, with u and v in [0, 1]."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from renderer.scene_file.description import Rectangle
 
 
 class Parallelogram(Patch):
-    """The corner at uv = (0, 0), the edges to (1, 0) and (0, 1)."""
+    """`corner` is at uv = (0, 0); the edges lead to (1, 0) and (0, 1)."""
 
 
 @kernel
@@ -76,7 +76,7 @@ def _tangent_of_rectangle(rectangles, index, mask, u, v, normal):
 
 @kernel
 def _sample_rectangle(rectangles, kind, light, mask, position, x, y, z):
-    """Choose a point, uniformly."""
+    """Choose a point, uniformly by area."""
     return flat_light_point(rectangles, kind, light, mask, position, x, y)
 
 
@@ -93,8 +93,8 @@ def _at_uv(rectangles, chart, light, prim, orientation, u, v, mask):
 
 
 def read(properties: Any, common: dict[str, Any]) -> Rectangle:
-    """Read the properties of a file."""
-    properties.boolean("face_normals", False)  # flat anyway
+    """Read the properties of a `rectangle`."""
+    properties.boolean("face_normals", False)  # ignored: a rectangle is flat
     to_world = properties.transform("to_world")
     flip = properties.boolean("flip_normals", False)
     return Rectangle(**common, to_world=to_world, flip_normals=flip)
@@ -112,16 +112,16 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
 
 
 def _textured_side(shape: Rectangle) -> float:
-    """Return the orientation without `flip_normals`, which Mitsuba forgets there.
+    """Return the orientation without `flip_normals`, which Mitsuba ignores here.
 
-    Where it samples a texture on a rectangle: a flipped one is sampled from its front, and
-    shines to its back where paths arrive by themselves.
+    Mitsuba samples a textured, flipped rectangle on its front, although BSDF samples find
+    emission on its back.
     """
     return -1.0 if mirrors(shape.to_world) else 1.0
 
 
 def _derivatives(surfaces: Any, shapes: Any) -> ByPrimitive:
-    """Return dp/du and dp/dv: u and v go from 0 to 1 along edges of length 2."""
+    """Return dp/du and dp/dv: u and v are in [0, 1] along edges of local length 2."""
     maps = np.array([shape.to_world for shape in shapes], float)
     columns = (np.ascontiguousarray(2.0 * maps[:, :3, k].T, np.float32) for k in (0, 1))
     return ByPrimitive(surfaces.first, surfaces.end, *columns)

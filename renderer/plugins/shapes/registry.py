@@ -1,4 +1,4 @@
-"""All kinds of shape: one line makes a kind known. Primitive ids go in this order."""
+"""Registers all kinds of shape. Primitive ids are assigned in this order."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from renderer.plugins.shapes.sphere import SPHERES
 from renderer.plugins.shapes.triangle import TRIANGLES
 
 SHAPES: dict[str, ShapeKind] = {}
-KINDS: list[str] = []  # names of the kinds in their order
+KINDS: list[str] = []  # names of the kinds, in the order of primitive ids
 PLUGINS: dict[str, ShapePlugin] = {}
 
 
 def register_shape(kind: ShapeKind) -> None:
-    """Make a kind of shape known to the reader and to the kernels."""
+    """Register a kind of shape with the scene reader and the kernels."""
     kind.register_kernels()
     if kind.name not in SHAPES:
         KINDS.append(kind.name)
@@ -43,5 +43,5 @@ for _kind in (
 
 
 def kind_of_shape(shape: object) -> ShapeKind:
-    """Return the kind of a shape of the description."""
+    """Return the kind of a shape of the scene description."""
     return next(kind for kind in SHAPES.values() if isinstance(shape, kind.description))

@@ -1,9 +1,9 @@
 """Kinds of primitives that are intersected one at a time, in double precision.
 
-Such a kind has a record of surfaces with its own `intersect_scalar` and `point_alone`.
+Such a kind has a record of surfaces and implements `intersect_scalar` and `point_alone`.
 This file derives from them the kernels that accelerators and stages call, for one ray or
-for 16 lanes, and the transforms of shapes with an object space: rows 0 to 11 of a column
-are a 3 x 4 matrix.
+for 16 lanes. It also has the transforms for shapes with an object space: rows 0 to 11 of
+a column are a 3 x 4 matrix.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from renderer.plugins.shapes.primitives import (
 )
 
 INFINITY = np.float32(np.inf)
-_WIDER = 1.0 + 2.0**-40  # boxes, against the rounding of where a ray meets them
+_WIDER = 1.0 + 2.0**-40  # widens ray-box intervals against rounding
 
 
 class ScalarPrimitive(NamedTuple):
     """One primitive, or 16 in lanes."""
 
-    column: Any  # of the table
+    column: Any  # of the table of surfaces
     surfaces: Any
 
 
 class ScalarGroup(NamedTuple):
     """Primitives in the order of an accelerator."""
 
-    column: NDArray[np.int32]  # (n,) of `surfaces`; padded by -1
+    column: NDArray[np.int32]  # (n,) of `surfaces`; padded with -1
     surfaces: Any
     id: NDArray[np.int32]  # (n,) primitive id in the scene
     count: int  # n without the padding
@@ -58,9 +58,9 @@ def intersect_scalar(surfaces: Any, k: Any, origin: Any, direction: Any, t_max: 
 
 @interface
 def point_alone(surfaces: Any, k: Any, hit_point: Any) -> Any:
-    """Return the point of surface k closest to `hit_point`, which is rounded.
+    """Return the point of surface k nearest to `hit_point`, which has rounding error.
 
-    Also return its normal and its shading normal, all in double precision.
+    Returns position, normal and shading normal, all in double precision.
     """
 
 
@@ -69,7 +69,7 @@ def point_alone(surfaces: Any, k: Any, hit_point: Any) -> Any:
 
 @kernel
 def placed_point(m, k, p):
-    """Return map k of a point."""
+    """Return the point p, transformed by matrix k."""
     return vec3(
         m[0, k] * p.x + m[1, k] * p.y + m[2, k] * p.z + m[3, k],
         m[4, k] * p.x + m[5, k] * p.y + m[6, k] * p.z + m[7, k],
@@ -79,7 +79,7 @@ def placed_point(m, k, p):
 
 @kernel
 def placed_vector(m, k, a):
-    """Return map k of a vector."""
+    """Return the vector a, transformed by matrix k."""
     return vec3(
         m[0, k] * a.x + m[1, k] * a.y + m[2, k] * a.z,
         m[4, k] * a.x + m[5, k] * a.y + m[6, k] * a.z,
@@ -89,9 +89,9 @@ def placed_vector(m, k, a):
 
 @kernel
 def unit_normal(m, k, g, otherwise):
-    """Return the unit normal in the world to a gradient; `otherwise` where that is 0.
+    """Return the world space unit normal for the gradient g; `otherwise` where g is 0.
 
-    Map k leads from the world; normals go by the inverse transpose of its inverse.
+    Matrix k is world-to-object; its transpose transforms normals to world space.
     """
     x = m[0, k] * g.x + m[4, k] * g.y + m[8, k] * g.z
     y = m[1, k] * g.x + m[5, k] * g.y + m[9, k] * g.z
@@ -104,13 +104,13 @@ def unit_normal(m, k, g, otherwise):
 
 @kernel
 def in_double(a):
-    """Return a vector of double precision."""
+    """Return a vector in double precision."""
     return vec3(np.float64(a.x), np.float64(a.y), np.float64(a.z))
 
 
 @kernel
 def between(low, high, origin, direction, near, far):
-    """Return the part of [near, far] in which a ray is between two planes of an axis."""
+    """Return the part of [near, far] where a ray is between two axis-aligned planes."""
     if direction == 0.0:
         if low <= origin <= high:
             return near, far
@@ -124,9 +124,10 @@ def between(low, high, origin, direction, near, far):
 
 @kernel
 def within_box(lower, upper, o, d, t_max):
-    """Return where a ray is inside of a box: near <= t <= far, or near > far if nowhere.
+    """Return the interval [near, far] of t where a ray is inside of a box.
 
-    A ray without end leaves the box, unless it goes nowhere: that is no hit either.
+    near > far means that it misses the box. An infinite `far` also counts as a miss: it
+    occurs only for a ray with direction 0.
     """
     near, far = 0.0, np.float64(t_max)
     near, far = between(lower.x, upper.x, o.x, d.x, near, far)
@@ -141,7 +142,7 @@ def within_box(lower, upper, o, d, t_max):
 
 
 def _pick(x: Any, j: int) -> Any:
-    """Return a number, or lane j of some."""
+    """Return lane j of lanes, or a scalar unchanged."""
     raise TypeError("inside kernels only")
 
 
@@ -153,7 +154,7 @@ def _pick_one(x, j):
 
 
 def _hit(surfaces: Any, k: Any, origin: Any, direction: Any, t_max: Any) -> Intersection:
-    """Intersect one ray with one surface, or 16 or 8 of either with one of the other."""
+    """Intersect rays with surfaces; either may be a scalar or 16 or 8 lanes."""
     raise TypeError("inside kernels only")
 
 
@@ -203,7 +204,7 @@ def _intersect(primitive, origin, direction, t_max):
 
 @kernel
 def points_alone(surfaces, index, mask, hit_point):
-    """Return position, normal and shading normal of 16 points that rays met."""
+    """Return position, normal and shading normal of 16 hit points."""
     rows = local_f32(144)
     bits = mask_bits(mask)
     for j in range(16):
@@ -231,13 +232,13 @@ def _three(rows, first):
 
 
 def matrix_rows(matrices: NDArray[np.float64]) -> Any:
-    """Return the upper three rows of maps (n, 4, 4) and of their inverses, (12, n) each."""
+    """Return the upper three rows of matrices (n, 4, 4) and of inverses, (12, n) each."""
     both = (matrices, np.linalg.inv(matrices))
     return (np.ascontiguousarray(m[:, :3].reshape(-1, 12).T) for m in both)
 
 
 def refuse_lamp(properties: Any, common: dict[str, Any]) -> None:
-    """Raise SceneError for a shape that emits."""
+    """Raise SceneError if the shape has an emitter."""
     if common["radiance"] is not None:
         raise SceneError(
             f"{properties.location}: {properties.element} cannot emit: its area is not "
@@ -246,7 +247,7 @@ def refuse_lamp(properties: Any, common: dict[str, Any]) -> None:
 
 
 def box_corners(lower: Any, upper: Any, to_world: Any) -> NDArray[np.float64]:
-    """Return the corners of boxes (3, n) in the world, (8, 3, n); to_world is (12, n)."""
+    """Return the world space corners (8, 3, n) of boxes (3, n); to_world is (12, n)."""
     ends = np.stack([lower, upper])  # (2, 3, n)
     chosen = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
     local = np.stack([ends[chosen[:, axis], axis] for axis in range(3)], axis=1)
@@ -255,7 +256,7 @@ def box_corners(lower: Any, upper: Any, to_world: Any) -> NDArray[np.float64]:
 
 
 def hull_of_box(corners: NDArray[np.float64]) -> tuple[Any, Any, Any]:
-    """Return the middle of each box (8, 3, n), grown to its corners."""
+    """Return hulls of boxes (8, 3, n): the centre, and a radius up to the corners."""
     middle = corners.mean(axis=0)
     radius = np.linalg.norm(corners - middle, axis=1).max(axis=0)
     points = np.repeat(middle[:, None], 4, axis=1)

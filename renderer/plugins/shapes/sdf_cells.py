@@ -1,4 +1,4 @@
-"""A cell of a distance grid: trilinear values, first root, normals."""
+"""One cell of a signed distance grid: trilinear interpolation, first root, normals."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.vectors import vec3
 
 # ---------------------------------------------------------------------------- trilinear
-# Numbers between the eight corners of a unit cube: along a ray they are a cubic.
+# Trilinear interpolation between the eight corners of a unit cube: a cubic along a ray.
 #
-# Its first root in [0, 1] is found piece by piece, between the roots of its derivative,
-# where it is monotone [Marmitt2004]. So no root is missed, however close two of them are.
+# The first root in [0, 1] is searched between the roots of the derivative, where the
+# cubic is monotone [Marmitt2004]. So no root is missed, however close two of them are.
 
-_STEPS = 64  # of Newton's method, or bisections, which gain a bit each
+_STEPS = 64  # steps of Newton's method, or bisections, each of which gains one bit
 _CLOSE = 2.0**-50
 
 
@@ -65,7 +65,7 @@ def trilinear_of(corners, k):
 
 @kernel
 def value_and_gradient(f, p):
-    """Return both at a point."""
+    """Return the value and the gradient at a point."""
     value = (
         f.one
         + f.x * p.x
@@ -101,12 +101,12 @@ def cubic_at(c, s):
 
 @kernel
 def _turns(c):
-    """Return where in [0, 1] the slope of a cubic changes its sign; 1 if nowhere."""
+    """Return where in [0, 1] the derivative of a cubic changes its sign; 1 if nowhere."""
     a, b = 3.0 * c.c3, c.c2
     square = b * b - a * c.c1
     if not square > 0.0:
         return 1.0, 1.0
-    q = -(b + np.copysign(np.sqrt(square), b))  # no difference of equals: not 0
+    q = -(b + np.copysign(np.sqrt(square), b))  # no cancellation: not 0
     first = c.c1 / q
     second = q / a if a != 0.0 else np.inf
     first, second = min(first, second), max(first, second)
@@ -115,7 +115,7 @@ def _turns(c):
 
 @kernel
 def _bracketed_root(c, low, high, f_low, f_high):
-    """Return the root between two places, where a cubic rises or falls all the way."""
+    """Return the root in [low, high], where the cubic is monotone."""
     if f_low == f_high:
         return low  # both are 0
     s = low - f_low * ((high - low) / (f_high - f_low))
@@ -153,12 +153,12 @@ def first_root_of(c):
 
 
 # -------------------------------------------------------------------------- sdf normals
-# Smooth normals on a grid of signed distances: gradients of eight cells, blended.
+# Smooth normals on a grid of signed distances: a blend of the gradients of eight cells.
 #
-# The gradient between grid points jumps from cell to cell. Here the cells' gradients, of
-# unit length in [0, 1]^3, are blended by how near their middles are
-# [HanssonSoderlund2022]. That of a neighbour is taken at the point itself, from the
-# numbers on the grid planes that bound the neighbour, as Mitsuba does it.
+# The gradient of trilinear interpolation is discontinuous between cells. Here the unit
+# gradients of the cells around a point are interpolated trilinearly between the cell
+# centres [HanssonSoderlund2022]. As in Mitsuba, a neighbour's gradient is taken at the
+# point itself, from the values on the grid planes that bound the neighbour.
 
 
 @kernel
@@ -168,7 +168,7 @@ def _clamped(x, most):
 
 @kernel
 def _distance(distances, begin, points, x, y, z):
-    """Return the number at any point of a grid; outside, that of the nearest point."""
+    """Return the interpolated distance at any point; outside, that of the nearest point."""
     most_x, most_y, most_z = points[0] - 1, points[1] - 1, points[2] - 1
     i, j, k = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
     u, v, w = x - i, y - j, z - k
@@ -184,11 +184,11 @@ def _distance(distances, begin, points, x, y, z):
 
 @kernel
 def _two_slopes(below, here, above, x, points):
-    """Return the slopes to both sides of the grid plane next to x, in [0, 1]^3.
+    """Return the slopes on both sides of the grid plane nearest to x, which is in [0, 1]^3.
 
     Also return the weight of the upper slope. Below the first plane there is no slope, and
-    its weight is 0. Beyond the last plane Mitsuba takes the slope 0 of a constant with its
-    usual weight, so normals in the last half of a cell are bent.
+    its weight is 0. Beyond the last plane Mitsuba uses the slope 0 of a constant with the
+    usual weight, so normals are wrong in the last half of a cell.
     """
     plane = np.round(x)
     scale = points - 1.0
@@ -198,16 +198,16 @@ def _two_slopes(below, here, above, x, points):
 
 @kernel
 def smooth_gradient(distances, begin, points, p):
-    """Return the blend of the unit gradients of eight cells, not unit.
+    """Return the blend of the unit gradients of eight cells; its length is not 1.
 
     Parameters
     ----------
     distances, begin
-        The numbers of all grids, and where those of this one begin.
+        The distances of all grids, and the index of the first one of this grid.
     points
-        How many along x, y and z.
+        Number of grid points along x, y and z.
     p
-        Where; grid points are integers.
+        Position; grid points have integer coordinates.
     """
     q = vec3(np.round(p.x), np.round(p.y), np.round(p.z))
     x0, x1, u = _two_slopes(

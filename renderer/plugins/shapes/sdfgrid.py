@@ -1,12 +1,12 @@
-"""Grid of signed distances: where the numbers between its points are 0.
+"""Grid of signed distances: the surface where the trilinear interpolant is 0.
 
-The grid fills [0, 1]^3 of the shape's space, and each of its cells that the surface goes
-through is a primitive, so that every accelerator finds its way between them. Normals lead
-to where the numbers are larger. `smooth` ones are Mitsuba's, after [HanssonSoderlund2022]:
-a blend between the gradients of eight cells, continuous where those of cells jump.
+The grid fills [0, 1]^3 of object space. Each cell that contains a part of the surface is
+a primitive, so every accelerator can traverse the grid. Normals point to larger distances.
+`smooth` normals are Mitsuba's, after [HanssonSoderlund2022]: a blend of the gradients of
+eight cells, which is continuous across cells.
 
-Two faults of Mitsuba are not taken over, and the reader warns of them: it mixes up
-the sizes along x and z, and its boxes in the world do not hold cells that are turned.
+Two faults of Mitsuba are not reproduced, and the reader warns of them: Mitsuba exchanges
+the sizes along x and z, and its world space boxes do not contain rotated cells.
 """
 
 from __future__ import annotations
@@ -50,26 +50,26 @@ from renderer.scene_file.description import SdfGrid
 from renderer.scene_file.meshes.grid_file import check_distances, read_grid
 from renderer.scene_file.tree import Tensor
 
-_NEAR = 0.25  # cells that a Newton step may go: a float32 hit point is far closer
+_NEAR = 0.25  # largest Newton step in cells; the error of a float32 hit point is far less
 
 
 class SdfCells(NamedTuple):
-    """Cells first .. end - 1 by primitive id, and the grids that they are of.
+    """Cells with primitive ids first .. end - 1, and their grids.
 
-    Inside of kernels a shape's space is that in which its grid points are integers.
+    Kernels scale object space so that grid points have integer coordinates.
     """
 
     first: int
     end: int
     cell: NDArray[np.int32]  # (n, 3) x, y, z of the lower corner
     corners: NDArray[np.float32]  # (n, 8) see `trilinear_of`
-    grid: NDArray[np.int32]  # (n,)
-    to_world: NDArray[np.float64]  # (12, grids) rows
-    to_grid: NDArray[np.float64]  # (12, grids) rows
-    size: NDArray[np.float32]  # (grids,) largest coordinate in the world
+    grid: NDArray[np.int32]  # (n,) index of the cell's grid
+    to_world: NDArray[np.float64]  # (12, grids) 3 x 4 matrices, by rows
+    to_grid: NDArray[np.float64]  # (12, grids) their inverses
+    size: NDArray[np.float32]  # (grids,) largest absolute coordinate in world space
     smooth: NDArray[np.int32]  # (grids,) 1: smooth normals
-    points: NDArray[np.int64]  # (grids, 3) along x, y, z
-    begin: NDArray[np.int64]  # (grids,) of its numbers
+    points: NDArray[np.int64]  # (grids, 3) grid points along x, y, z
+    begin: NDArray[np.int64]  # (grids,) index of the grid's first distance
     distances: NDArray[np.float32]  # (m,) of all grids, x fastest, z slowest
 
 
@@ -103,7 +103,7 @@ def hit_cell(cells, k, origin, direction, t_max):
 
 @kernel
 def point_of_cell(cells, k, hit_point):
-    """Take a Newton step along the gradient; where that is 0 the normal is z."""
+    """Return the point after a Newton step along the gradient; a gradient of 0 gives z."""
     never_inline()
     grid = cells.grid[k]
     p = placed_point(cells.to_grid, grid, in_double(hit_point))
@@ -138,7 +138,7 @@ def _point_on_cell(cells, index, mask, u, v, hit_point, with_uv):
 
 @kernel
 def _no_tangent(cells, index, mask, u, v, normal):
-    """Return 0: there is no u, and frames are made of their normal alone."""
+    """Return 0: there is no u; frames are built from the normal alone."""
     return normal * 0.0
 
 
@@ -180,7 +180,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
     shape = value.values.shape
     if len(shape) != 4 or shape[3] != 1 or min(shape[:3]) < 2:
         properties.fail(name, f"one of shape {shape}", expected)
-    with np.errstate(over="ignore", invalid="ignore"):  # said below
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
         distances = np.ascontiguousarray(value.values[..., 0], np.float32)
     if (wrong := check_distances(distances)) is not None:
         properties.fail(name, wrong, "finite numbers")
@@ -188,7 +188,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
 
 
 def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
-    """Warn if Mitsuba shows less of the shape than there is."""
+    """Warn if Mitsuba shows only a part of the shape."""
     nz, _, nx = distances.shape
     reasons = []
     if nx != nz:
@@ -205,7 +205,7 @@ def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
 
 
 def occupied(distances: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Return z, y, x of the cells with numbers of either sign, (n, 3), in Mitsuba's order.
+    """Return z, y, x of the cells that contain a sign change, (n, 3), in Mitsuba's order.
 
     A cell whose eight numbers are all 0 is left out: it has no surface to hit.
     """

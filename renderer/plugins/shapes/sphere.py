@@ -1,8 +1,8 @@
-"""Ray against sphere, in the closed form that does not cancel.
+"""Ray against sphere, in a form without cancellation.
 
-The textbook discriminant b^2 - 4ac loses all digits far away: in single precision every
-ray misses a unit sphere at distance 10^4. Measuring the ray's distance to the centre
-first, and taking the second root by Vieta's formula, keeps them [Haines2019].
+The textbook discriminant b^2 - 4ac loses all digits at large distances: in single
+precision every ray misses a unit sphere at distance 10^4. Here the ray's distance to the
+centre is computed first, and the second root follows from Vieta's formula [Haines2019].
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ class Sphere(NamedTuple):
 
 @kernel
 def meet_round(f, d, radius):
-    """Return the discriminant and both t in order where |f + t d| = radius.
+    """Return the discriminant and both roots in order, where |f + t d| = radius.
 
-    Or the discriminant alone is valid, if it is negative. Vieta: the product of the roots
-    is c / a, so neither is a difference of nearly equal numbers.
+    The roots are valid only if the discriminant is not negative. By Vieta's formula their
+    product is c / a, so neither is a difference of nearly equal numbers.
     """
     always_inline()
     a = dot(d, d)
     b = -dot(f, d)
-    # the point of the line nearest to the centre, relative to it
+    # the point of the ray's line nearest to the centre, relative to the centre
     nearest = f + d * (b / a)
     discriminant = radius * radius - dot(nearest, nearest)
     root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
@@ -153,12 +153,12 @@ def _uv_axes(spheres, q, radius):
     return around * TWO_PI, down * _PI
 
 
-# ------------------------- lamp: a direction in the cone that it fills; inside, by area
+# ------------- light samples: uniform in the cone of the sphere; from inside, by area
 
 
 @kernel
 def _cone(distance2, radius):
-    """Return 1 - cos of the half angle under which a sphere is seen, and its sine squared.
+    """Return 1 - cos and sin^2 of half the angle that a sphere subtends.
 
     1 - sqrt(1 - s^2) cancels for a small sphere; s^2 / (1 + sqrt(1 - s^2)) does not.
     """
@@ -167,26 +167,26 @@ def _cone(distance2, radius):
     return sine2 / (1.0 + cosine), sine2
 
 
-_TOUCHING = np.float32(1e-7)  # of the radius: a light that is touched is still somewhere
+_TOUCHING = np.float32(1e-7)  # smallest distance to a light sample, in radii
 
 
 @interface
 def near_surface(arithmetic: Any) -> Any:
-    """Return within what fraction of the radius the side that shines decides."""
+    """Return the distance to the surface, in radii, below which `orientation` decides."""
 
 
 @interface
 def cone_of_density(
     arithmetic: Any, one_minus_cos: Any, to_center: Any, radius: Any
 ) -> Any:
-    """Return 1 - cos of the half angle of the cone, as the density has it."""
+    """Return 1 - cos of the cone's half angle for the pdf."""
 
 
 @interface
 def part_of_cone(
     arithmetic: Any, x: Any, one_minus_cos: Any, to_center: Any, radius: Any
 ) -> Any:
-    """Return 1 - cos of the angle that has the share x of a cone's solid angle inside."""
+    """Return 1 - cos theta for the fraction x of the cone's solid angle."""
 
 
 @near_surface.by(Plain, FromLastEvent)
@@ -198,22 +198,22 @@ def _near_surface(arithmetic):
 @cone_of_density.by(Plain, FromLastEvent)
 @kernel
 def exact_cone_of_density(arithmetic, one_minus_cos, to_center, radius):
-    """Return it as it is."""
+    """Return `one_minus_cos` unchanged."""
     return one_minus_cos
 
 
 @part_of_cone.by(Plain, FromLastEvent)
 @kernel
 def even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
-    """Return it as it is: the solid angle of a cone is even in 1 - cos."""
+    """Return x (1 - cos): the solid angle of a cone is proportional to 1 - cos."""
     return x * one_minus_cos
 
 
 @kernel
 def _outside(arithmetic, distance2, radius, orientation):
-    """Return the mask of points that see the sphere from outside.
+    """Return the mask of points outside of the sphere.
 
-    On the surface itself the side that shines decides, not rounding.
+    For a point on the surface the emitting side decides, and not rounding.
     """
     limit = radius * (1.0 - near_surface(arithmetic) * orientation)
     return distance2 > limit * limit
@@ -223,7 +223,7 @@ def _outside(arithmetic, distance2, radius, orientation):
 def sphere_light_pdf(
     arithmetic, center, radius, orientation, inverse_area, position, distance, cosine
 ):
-    """Return the density [1/sr] with which `sample_sphere` chooses a direction."""
+    """Return the pdf [1/sr] of the direction for `sample_sphere`."""
     to_center = center - position
     distance2 = dot(to_center, to_center)
     one_minus_cos, _ = _cone(distance2, radius)
@@ -236,10 +236,10 @@ def sphere_light_pdf(
 
 @kernel
 def sample_sphere(spheres, kind, light, mask, position, x, y, z):
-    """Choose a direction in the cone of the sphere; from inside, a point by area.
+    """Sample a direction in the cone of the sphere; from inside, a point by area.
 
-    x is the share of the cone's solid angle and y the longitude [Akalin2015]; Mitsuba's
-    series for cones under 1.5 degrees differs from it by up to 1.7e-4 of sin^2 theta.
+    x is the fraction of the cone's solid angle and y the azimuth [Akalin2015]. For cones
+    under 1.5 degrees Mitsuba uses a series, which differs by up to 1.7e-4 of sin^2 theta.
     """
     areas = kind.lights
     index = gather_row(areas.prim, 0, light, mask) - spheres.first
@@ -255,11 +255,11 @@ def sample_sphere(spheres, kind, light, mask, position, x, y, z):
     sine2 = small * (2.0 - small)
     sine_theta = sqrt(sine2)
     sine, cosine = sincos(TWO_PI * y)
-    # the longitude is counted around the way from the centre to the point that samples
+    # the azimuth is around the direction from the centre to the receiving point
     s, t = orthonormal_basis(to_center * (-1.0 / distance))
     wi = s * (sine_theta * cosine) + t * (sine_theta * sine)
     wi = wi + to_center / distance * (1.0 - small)
-    # the nearer root as a quotient: as a difference it would be 0 close to the surface
+    # the nearer root as a quotient: as a difference it would be 0 near the surface
     inner = sqrt(maximum(1.0 - sine2 / sine2_max, splat_f32(0.0)))
     excess = (distance - radius) * (distance + radius)
     near = excess / (distance * (1.0 - small) + radius * inner)
@@ -308,7 +308,7 @@ def read(properties: Any, common: dict[str, Any]) -> Description:
     return Description(
         **common,
         to_world=placed(properties, to_world @ local),
-        # Mitsuba turns a mirrored sphere inside out, and it alone of the analytic shapes.
+        # Mitsuba turns a mirrored sphere inside out, but no other analytic shape.
         flip_normals=flip != transforms.mirrors(to_world),
     )
 

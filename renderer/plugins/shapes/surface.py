@@ -1,4 +1,4 @@
-"""The surface interfaces of every kind of shape, and what flat kinds share."""
+"""Surface interfaces that every kind of shape implements, and code for flat shapes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import dot, gather_rows3, vec3
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
 
-# The position on a primitive is known up to about this fraction of its coordinates.
+# Rounding error of a position on a primitive, relative to its coordinates.
 ROUNDING = np.float32(2.0**-24)
 _INV_TWO_PI = np.float32(0.5 / np.pi)
 
@@ -31,39 +31,39 @@ class SurfacePoint(NamedTuple):
 
 
 class LightPoint(NamedTuple):
-    """A point of a shape, chosen as that of a lamp, for 16 points that it may shine on."""
+    """Sampled points of area lights, for 16 receiving points."""
 
-    to_light: Any  # from those points
-    normal: Any  # that the density per area goes by
-    side: Any  # unit normal of the side that shines
+    to_light: Any  # vector from the receiving points
+    normal: Any  # for the conversion from area to solid angle
+    side: Any  # unit normal of the emitting side
 
 
 class UvPoint(NamedTuple):
     """A point of a shape in 16 lanes, given by its (u, v)."""
 
     position: Any  # in the world
-    side: Any  # unit normal of the side that shines
-    area: Any  # |dp/du x dp/dv|: turns a density over (u, v) into one over the area
-    found: Any  # mask: the shape has a point there
+    side: Any  # unit normal of the emitting side
+    area: Any  # |dp/du x dp/dv|: a pdf by (u, v) over this is the pdf by area
+    found: Any  # mask: the shape has a point with this (u, v)
 
 
 @interface
 def surface_point(
     surfaces: Any, index: Any, mask: Any, u: Any, v: Any, hit_point: Any, with_uv: int
 ) -> SurfacePoint:
-    """Return the points on primitives that were hit.
+    """Return the surface points of hits.
 
-    Positions come from the primitive (corner + u edge1 + v edge2, centre + r n), not from
-    p + t d: their error then does not grow with the distance that the ray has come.
+    Positions are computed from the primitive (corner + u edge1 + v edge2, centre + r n),
+    not as p + t d. So their error does not grow with the distance to the ray's origin.
 
     Parameters
     ----------
     index
         Columns of the record.
     u, v
-        The primitives' own coordinates of the hits.
+        Coordinates (u, v) of the hits on their primitives.
     hit_point
-        p + t d, for the curved kinds.
+        p + t d, used by curved kinds.
     with_uv
         0 if the scene does not use texture coordinates.
     """
@@ -71,14 +71,14 @@ def surface_point(
 
 @interface
 def tangent_at(surfaces: Any, index: Any, mask: Any, u: Any, v: Any, normal: Any) -> Any:
-    """Return dp/du, not unit; `normal` points away from the axis or the centre."""
+    """Return dp/du, not normalised; `normal` points away from the axis or the centre."""
 
 
 @interface
 def sample_shape(
     surfaces: Any, kind: Any, light: Any, mask: Any, position: Any, x: Any, y: Any, z: Any
 ) -> LightPoint:
-    """Choose a point of area lights; `kind` is the record of their kind."""
+    """Sample a point of area lights; `kind` is their `LightKind`."""
 
 
 @interface
@@ -92,16 +92,16 @@ def pdf_shape(
     distance: Any,
     cosine: Any,
 ) -> Any:
-    """Return the density [1/sr] with which an area light is sampled in a direction.
+    """Return the pdf [1/sr] of an area light's samples for a given direction.
 
     Parameters
     ----------
     light, prim
-        The light, and the primitive that is met.
+        Ids of the light, and of the primitive that was hit.
     position
-        The point that samples.
+        The receiving point.
     distance, cosine
-        To the light, and the |cosine| there.
+        Distance to the light, and |cosine| at the light.
     """
 
 
@@ -116,16 +116,16 @@ def point_at_uv(
     v: Any,
     mask: Any,
 ) -> UvPoint:
-    """Return the points of area lights at (u, v), where a texture that shines is sampled.
+    """Return the points of area lights at (u, v), for sampling textured radiance.
 
     Parameters
     ----------
     chart
-        Of meshes: where each triangle lies in (u, v).
+        For meshes: which triangles cover each (u, v), a `UvChart`.
     prim
-        The primitive, where the light has only one.
+        The primitive, if the light has only one.
     orientation
-        -1 where the outward normal is flipped.
+        -1 if the outward normal is flipped, else 1.
     """
 
 
@@ -176,7 +176,7 @@ def flat_point(surfaces, index, mask, u, v):
 
 @kernel
 def flat_light_point(surfaces, kind, light, mask, position, u, v):
-    """Return the points at (u, v) of flat area lights, which are one primitive each."""
+    """Return the points at (u, v) of flat area lights of one primitive each."""
     areas = kind.lights
     index = gather_row(areas.prim, 0, light, mask) - surfaces.first
     p = gather_flat(surfaces, index, mask)
@@ -187,7 +187,7 @@ def flat_light_point(surfaces, kind, light, mask, position, u, v):
 
 @kernel
 def around_axis(curved, index, mask, u, v, normal):
-    """Return the way around the local z axis, whose angle is u; 0 at a pole."""
+    """Return the tangent around the local z axis (u is the angle); 0 at a pole."""
     x_axis = gather_rows3(curved.frame, 0, index, mask)
     y_axis = gather_rows3(curved.frame, 3, index, mask)
     return y_axis * dot(x_axis, normal) - x_axis * dot(y_axis, normal)
@@ -195,12 +195,12 @@ def around_axis(curved, index, mask, u, v, normal):
 
 @kernel
 def nowhere(mask):
-    """Return the empty mask."""
+    """Return a mask without set lanes."""
     return mask & ~mask
 
 
 @kernel
 def pdf_by_area(surfaces, kind, light, prim, mask, position, distance, cosine):
-    """Return the density [1/sr] of points that are chosen by area; see `pdf_shape`."""
+    """Return the pdf [1/sr] of points sampled uniformly by area; see `pdf_shape`."""
     inverse_area = gather_row(kind.lights.inverse_area, 0, light, mask)
     return distance * distance * inverse_area / cosine

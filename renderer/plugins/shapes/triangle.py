@@ -1,8 +1,8 @@
 """Ray against triangle, by both methods of the lecture.
 
-The renderer uses `hit_triangle`, the plane method with the normal stored in the triangle's
-record: 29 multiplications and additions against 38 of Moeller-Trumbore. Near an edge the
-vertices decide (`watertight`), so that a closed mesh has no gaps.
+The renderer uses `hit_triangle`, the plane method with the normal stored for each triangle:
+29 multiplications and additions, against 38 for Moeller-Trumbore. Near an edge the test
+by the vertices decides (`watertight`), so that a closed mesh has no gaps.
 """
 
 from __future__ import annotations
@@ -50,29 +50,29 @@ from renderer.scene_file.description import Mesh
 class Triangle(NamedTuple):
     """One triangle, or 16 in lanes."""
 
-    corner: Vector  # p1 of the lecture; these as of `flat.Patch`
+    corner: Vector  # p1 of the lecture; this and the other fields as in `flat.Patch`
     edge1: Vector
     edge2: Vector
     normal: Vector
-    second: Vector  # the other vertices: corner + edge would be rounded
+    second: Vector  # the other vertices: corner + edge1 has rounding error
     third: Vector
-    breadth: Derived  # as of `flat.Patch`
+    breadth: Derived  # as in `flat.Patch`
     size: Bound  # |edge1| + |edge2|, each the sum of absolute components
     slack: Bound  # size (|corner| + size)
 
 
 @kernel
 def _depth_inside(p):
-    """Return how deep in the triangle the point is, times scale: the least of u, v, w.
+    """Return the minimum of the barycentric coordinates u, v, w, times scale.
 
-    w last: it is NaN if u or v is, and then so is the result.
+    w is the last operand: it is NaN if u or v is NaN, and then so is the result.
     """
     return minimum(minimum(p.u, p.v), p.scale - (p.u + p.v))
 
 
 @kernel
 def hit_triangle(triangle, origin, direction, t_max):
-    """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
+    """Intersect plane, then test: 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
     always_inline()
     p = meet_plane(triangle, origin, direction)
     depth = _depth_inside(p)
@@ -86,7 +86,7 @@ def hit_triangle(triangle, origin, direction, t_max):
 
 @kernel
 def _meet_again(triangle, origin, direction, grazes, p):
-    """Return the `PlaneHit` where single precision is not enough, else `p`."""
+    """Return the `PlaneHit` recomputed where single precision is insufficient, else `p`."""
     never_inline()
     if any_of(grazes):
         p = meet_plane_in_double(triangle, origin, direction, grazes, p)
@@ -116,7 +116,7 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
 
 @kernel
 def interpolated_normal(normals, index, mask, u, v, flat):
-    """Return unit normals interpolated from the vertices; `flat` without vertex normals."""
+    """Return interpolated unit vertex normals; `flat` where there are none."""
     if normals.shape[1] == 0:
         return flat
     a = gather_columns(normals, 0, index, mask)
@@ -156,22 +156,22 @@ def _tangent_of_triangle(triangles, index, mask, u, v, normal):
 class TriangleLights(NamedTuple):
     """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
 
-    first: NDArray[np.int32]  # (n,) of each light, into the columns below
+    first: NDArray[np.int32]  # (n,) first column below of each light
     count: NDArray[np.int32]  # (n,)
-    keep: NDArray[np.float32]  # (total,) probability to stay with the column drawn
-    alias: NDArray[np.int32]  # (total,) where to go otherwise
+    keep: NDArray[np.float32]  # (total,) probability to accept the column drawn
+    alias: NDArray[np.int32]  # (total,) the column that is used otherwise
     prim: NDArray[np.int32]  # (total,) primitive id
 
 
 @interface
 def choose_triangle(table: Any, light: Any, mask: Any, y: Any, z: Any) -> Any:
-    """Return a primitive of each mesh light, and what is left of y as a random number."""
+    """Return a primitive of each mesh light, and y rescaled to a new random number."""
 
 
 @choose_triangle.by(TriangleLights)
 @kernel
 def _choose_by_alias(table, light, mask, y, z):
-    """Use the alias method: constant time, and the additional random number z."""
+    """Use the alias method: constant time, with z as a second random number."""
     count = to_f32(gather_row(table.count, 0, light, mask))
     scaled = z * count
     column = to_i32(minimum(scaled, count - 1.0))
@@ -183,9 +183,9 @@ def _choose_by_alias(table, light, mask, y, z):
 
 @kernel
 def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
-    """Choose a triangle of the mesh by its area, then a point in it, uniformly.
+    """Sample a triangle of the mesh by area, then a point in it, uniformly.
 
-    The side that shines goes by the shading normal, as where a path arrives by itself.
+    The shading normal determines the emitting side, as for BSDF samples that hit the light.
     """
     areas = kind.lights
     prim, y = choose_triangle(areas.choice, light, mask, y, z)
@@ -213,7 +213,7 @@ def _faces(mesh: Mesh) -> NDArray[Any]:
 def prepared(
     triangles: TriangleSurfaces, *, with_uv: bool, with_tangents: bool
 ) -> TriangleSurfaces:
-    """Return the table with dp/du if it is needed, without uv if it is not."""
+    """Return the table, with dp/du only if needed and without unused uv."""
     if with_tangents and triangles.tangents.shape[1] == 0:
         triangles = triangles._replace(tangents=texture_tangents(triangles))
     return triangles if with_uv else triangles._replace(uvs=empty_rows(6))

@@ -1,7 +1,7 @@
-"""Tables of triangles: from meshes to columns, boxes, and the rows of accelerators.
+"""Tables of triangles: from meshes to table columns, boxes, and rows of accelerators.
 
-One pass for each of them, on all cores: NumPy takes six to ten times as long for a mesh of
-two million, most of it for intermediate results that leave the cache.
+Each is a single parallel pass. NumPy takes six to ten times as long for a mesh of two
+million triangles, mostly for intermediate results that do not fit into the cache.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ class TriangleSurfaces(NamedTuple):
     first: int
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
-    ends: NDArray[np.float32]  # (6, n) of edge1 and edge2: corner + edge would be rounded
-    # each of the following has no columns if no mesh has it or no kernel reads it
+    ends: NDArray[np.float32]  # (6, n) second and third vertex: corner + edge has rounding
+    # the following tables have no columns if no mesh has them or no kernel reads them
     normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
-    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
+    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) u, v of each vertex
     tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
 
 
 def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
-    """Concatenate meshes; normals are kept if any mesh has them."""
+    """Concatenate meshes; vertex normals are kept if any mesh has them."""
     count = sum(len(mesh.faces) for mesh in meshes)
     smooth = any(mesh.normals is not None for mesh in meshes)
     places, uvs = column_rows(12, count), column_rows(6, count)
@@ -70,7 +70,7 @@ def triangles_of(vertices: NDArray[np.float32], first: int = 0) -> TriangleSurfa
 def _write_columns(
     begin, end, vertices, faces, given, given_uvs, turn, at, places, ends, normals, uvs
 ):
-    """Write the columns of faces begin .. end - 1, which are those from `at` on."""
+    """Write faces begin .. end - 1 of a mesh to the columns from `at` on."""
     for k in range(begin, end):
         to = at + k
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
@@ -80,7 +80,7 @@ def _write_columns(
             places[to, 6 + j] = vertices[c, j] - vertices[a, j]
             ends[j, to] = vertices[b, j]
             ends[3 + j, to] = vertices[c, j]
-        # in double precision: the square of an area leaves float32 for edges beyond 4e9
+        # in double precision: for edges beyond 4e9 the squared area overflows float32
         n = _cross_of_edges(places, to)
         area = np.sqrt(dot(n, n))
         scale = area if area > 0.0 else 1.0
@@ -105,7 +105,7 @@ def _write_columns(
 
 @kernel
 def _in_double(rows, k, j):
-    """Return three numbers of a row."""
+    """Return three numbers of a column as a vector in double precision."""
     x, y, z = rows[k, j], rows[k, j + 1], rows[k, j + 2]
     return vec3(np.float64(x), np.float64(y), np.float64(z))
 
@@ -117,7 +117,7 @@ def _cross_of_edges(places, k):
 
 @kernel
 def _write_flat_normals(vertices, a, b, c, turn, normals, to):
-    """Write the normals of a faceted mesh among smooth ones: those of its faces."""
+    """Write the face normal for each vertex, for a faceted mesh in a table with normals."""
     corner = _in_double(vertices, a, 0)
     n = cross(_in_double(vertices, b, 0) - corner, _in_double(vertices, c, 0) - corner)
     length = np.sqrt(dot(n, n))
@@ -131,7 +131,7 @@ def _write_flat_normals(vertices, a, b, c, turn, normals, to):
 
 
 def fill_rows(s: TriangleSurfaces, columns: NDArray[np.int64], rows: Any) -> None:
-    """Write the fields of `Triangle` into rows, see `kind.ShapeKind`."""
+    """Write the fields of `Triangle` into rows, see `fill` of `kind.ShapeKind`."""
     places = np.ascontiguousarray(s.places.T)
     in_parts(len(columns), _write_rows, np.asarray(columns), places, s.ends, rows)
 
@@ -176,7 +176,8 @@ def _write_boxes(begin, end, places, lower, upper):
             low, high = min(min(a, b), c), max(max(a, b), c)
             lower[j, k], upper[j, k] = low, high
             largest = max(largest, max(abs(low), abs(high)))
-        # the sums above are rounded, and the hit test rounds in another way: pad by that
+        # the sums above and the hit test round differently: pad by the largest rounding
+        # error
         slack = ROUNDING * largest
         for j in range(3):
             lower[j, k] -= slack

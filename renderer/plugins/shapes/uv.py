@@ -28,24 +28,24 @@ from renderer.plugins.shapes.surface import UvPoint, gather_flat
 from renderer.scene_file.meshes.mesh_data import uv_grid
 
 # ----------------------------------------------------------------------------- uv chart
-# Which triangle of a mesh covers a point (u, v): a grid over the texture coordinates.
+# Finds the triangle of a mesh that covers (u, v): a uniform grid over texture space.
 
-_ROUNDING = np.float32(-1e-6)  # so that no point falls between two triangles
+_ROUNDING = np.float32(-1e-6)  # tolerance, so that no (u, v) falls between two triangles
 
 
 class UvChart(NamedTuple):
-    """Columns by light id; the cells of all lights, row by row."""
+    """Grids over texture space; columns by light id, the cells of all lights row by row."""
 
-    corner: NDArray[np.float32]  # (2, n) least u and v
+    corner: NDArray[np.float32]  # (2, n) smallest u and v
     scale: NDArray[np.float32]  # (2, n) cells per unit
-    cells: NDArray[np.int32]  # (n,) along each axis
+    cells: NDArray[np.int32]  # (n,) number of cells along each axis
     first: NDArray[np.int32]  # (n,) first cell
-    start: NDArray[np.int32]  # (cells + 1,) where the list of a cell begins
-    triangles: NDArray[np.int32]  # (entries,) columns of the surfaces
+    start: NDArray[np.int32]  # (cells + 1,) first entry of each cell in `triangles`
+    triangles: NDArray[np.int32]  # (entries,) columns of the surface table
 
 
 def uv_chart(count: int, triangles: Any, meshes: dict[int, NDArray[np.int32]]) -> UvChart:
-    """Return the charts of mesh lights from the primitive ids of each."""
+    """Return the grids of mesh lights; `meshes` has the primitive ids of each light."""
     corner, scale = np.zeros((2, count), np.float32), np.zeros((2, count), np.float32)
     cells, firsts = np.ones(count, np.int32), np.zeros(count, np.int32)
     starts: list[NDArray[np.int64]] = []
@@ -74,7 +74,7 @@ def uv_chart(count: int, triangles: Any, meshes: dict[int, NDArray[np.int32]]) -
 
 @kernel
 def _cell(chart, light, row, x, mask):
-    """Return the cell along one axis, at -1 where x is outside."""
+    """Return the clamped cell index along one axis, and the mask of x in the grid."""
     low = gather_row(chart.corner, row, light, mask)
     place = (x - low) * gather_row(chart.scale, row, light, mask)
     most = gather_row(chart.cells, 0, light, mask)
@@ -85,7 +85,7 @@ def _cell(chart, light, row, x, mask):
 
 @kernel
 def point_of_mesh(triangles, chart, light, prim, orientation, u, v, mask):
-    """Try the triangles of a cell in turn; the first that covers the point has it."""
+    """Return the point in the first triangle of the cell that covers (u, v)."""
     column, inside = _cell(chart, light, 0, u, mask)
     row, between = _cell(chart, light, 1, v, mask)
     within = mask & inside & between
@@ -122,14 +122,14 @@ def point_of_mesh(triangles, chart, light, prim, orientation, u, v, mask):
 
 
 # ----------------------------------------------------------------------- uv derivatives
-# dp/du and dp/dv at points of shapes: how far apart texels lie, for bumps.
+# dp/du and dp/dv at points of shapes: the size of texels on the surface, for bump maps.
 #
 # Only scenes with bump maps use them. The tangent of a shading frame, which each bounce
-# needs, is cheaper and has no meaningful length (`tangent_at`).
+# needs, is cheaper; its length has no meaning (`tangent_at`).
 
 
 class ByPrimitive(NamedTuple):
-    """Primitives first .. end - 1 by id, whose derivatives are the same everywhere."""
+    """Primitives first .. end - 1 by id, with constant derivatives on each."""
 
     first: int
     end: int
@@ -138,20 +138,20 @@ class ByPrimitive(NamedTuple):
 
 
 class ByPlace(NamedTuple):
-    """Shapes first .. end - 1 whose derivatives follow from the local point.
+    """Shapes first .. end - 1 whose derivatives depend on the local point.
 
-    The maps are laid out as `Placements.to_world` is.
+    The matrices have the layout of `Placements.to_world`.
     """
 
     first: int
     end: int
-    surfaces: Any  # the table of the kind, by whose class `uv_axes` is chosen
+    surfaces: Any  # the table of the kind; its class selects `uv_axes`
     to_world: NDArray[np.float32]  # (12 n,)
     to_object: NDArray[np.float32]  # (12 n,)
 
 
 def no_derivatives(surfaces: Any, shapes: Sequence[Any]) -> ByPrimitive:
-    """Return zeros, for kinds without u and v: nothing is displaced there."""
+    """Return zeros, for kinds without u and v: bump maps have no effect there."""
     nothing = np.zeros((3, surfaces.end - surfaces.first), np.float32)
     return ByPrimitive(surfaces.first, surfaces.end, nothing, nothing)
 
@@ -175,9 +175,9 @@ def derivatives_by_place(surfaces: Any, shapes: Sequence[Any]) -> ByPlace:
 
 
 def derivatives_of_triangles(triangles: Any, meshes: Sequence[Any]) -> ByPrimitive:
-    """Return both derivatives; where u and v span no area, unit vectors, as Mitsuba does.
+    """Return dp/du and dp/dv; unit vectors, as in Mitsuba, where the uv area is 0.
 
-    Meshes without texture coordinates have those of their barycentric ones.
+    Without texture coordinates, (u, v) are the barycentric coordinates.
     """
     ids = triangles.first, triangles.end
     edge1, edge2 = triangles.edge1.astype(float), triangles.edge2.astype(float)
@@ -193,7 +193,7 @@ def derivatives_of_triangles(triangles: Any, meshes: Sequence[Any]) -> ByPrimiti
 
 
 def texture_tangents(triangles: Any) -> NDArray[np.float32]:
-    """Return dp/du (3, n), not unit; where u and v span no area, of length 1.
+    """Return dp/du (3, n), not normalised; a unit vector where the uv area is 0.
 
     Without texture coordinates u is the first barycentric coordinate.
     """
@@ -215,7 +215,7 @@ def _face_tangents(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return two unit vectors along triangles [Duff2017]; 0 for those without area.
 
-    What Mitsuba takes for dp/du and dp/dv where u and v span no area.
+    Mitsuba uses these for dp/du and dp/dv where the uv area is 0.
     """
     n = np.cross(edge1, edge2, axis=0)
     length = np.linalg.norm(n, axis=0)
@@ -229,7 +229,7 @@ def _face_tangents(
 
 @interface
 def uv_derivatives(shapes: Any, index: Any, mask: Any, position: Any) -> Any:
-    """Return dp/du and dp/dv in the space of the shape, where it is at `position`."""
+    """Return dp/du and dp/dv in object space at `position`."""
 
 
 @interface

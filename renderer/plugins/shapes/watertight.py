@@ -1,25 +1,25 @@
-"""Near the edges of a triangle: decided so that no ray passes between two triangles.
+"""Watertight test near the edges of a triangle: no ray passes between two triangles.
 
-The plane method (`flat.meet_plane`) rounds the edges of each triangle for themselves, so
-that a ray may be outside of both neighbours of an edge. It decides alone where u, v and w
-are larger than its rounding. Nearer to an edge the vertices decide [Woop2013]. Each vertex
-is seen from the ray, in double precision: two components of (vertex - origin) x direction,
-in whose plane the ray is the point 0. The sign of a.x b.y - a.y b.x says on which side of
-the edge from a to b that is.
+The plane method (`flat.meet_plane`) rounds the edges of each triangle independently, so a
+ray may be outside of both triangles that share an edge. Its result is used where u, v and w
+exceed its rounding error. Nearer to an edge the vertices decide [Woop2013]. Each vertex is
+projected along the ray in double precision: two components of (vertex - origin) x
+direction. The ray is the origin of this plane. The sign of a.x b.y - a.y b.x tells on which
+side of the edge from a to b the ray passes.
 
 No ray is lost in a closed mesh whose triangles share vertices bit by bit:
 
-- What is rounded before the signs hangs on the ray and one vertex alone. So all triangles
-  of a vertex see it at the same rounded point: the mesh of these points is closed as well,
-  and one of its triangles covers the point 0.
-- The sign of the difference of two rounded products is that of the exact ones, or 0, since
-  rounding never turns around an order. A triangle is hit unless two of its three signs
-  differ; so 0 counts as inside on both sides of an edge, and can only add a hit.
-- Where the plane method decides, the vertices would say the same: their rounding is 2^26
-  times smaller than what the bound of its own has to spare.
+- Everything that is rounded before the signs depends on the ray and one vertex alone. So
+  all triangles that share a vertex project it to the same rounded point. The mesh of
+  projected points is closed as well, and one of its triangles covers the origin.
+- The sign of the difference of two rounded products is the exact sign or 0, since rounding
+  is monotone. A triangle is hit unless two of its three signs differ. So 0 counts as inside
+  on both sides of an edge, and can only add a hit.
+- Where the plane method decides, the vertices would decide the same: their rounding error
+  is 2^26 times smaller than the margin in the bound of the plane method.
 
-Not included are rays that start nearer to the mesh than rounding, triangles 2^30 times
-smaller than their distance, and meshes of about 1e-16, where the bound leaves float32.
+The proof excludes rays that start nearer to the mesh than rounding, triangles 2^30 times
+smaller than their distance, and meshes of size about 1e-16, where the bound underflows.
 """
 
 from __future__ import annotations
@@ -40,30 +40,30 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.vectors import cross, dot, vec3
 from renderer.plugins.shapes.flat import ONE, ZERO, PlaneHit, in_double
 
-# By how much u, v and w of `flat.meet_plane`, times its scale, may be off: 14 units of
-# 2^-24 times |d| Q sqrt(|s|^2 + Q^2), where s leads from the origin to the corner and
-# Q^2 = |edge1|^2 + |edge2|^2. From the steps, to first order [Higham2002, section 3.1]: s
-# and the edges are rounded once, each component of s x d three times, a product with it
-# four times more. So U = edge2 . (s x d) has 7 |edge2| . A(s, d), where A(a, b) has the
-# components |a_j b_k| + |a_k b_j|; likewise V. S = n . d has 6 A(edge1, edge2) . |d|, and
-# W = S - (U + V) all of these, |U| and |V|. Of three vectors |a| . A(b, c) is at most
+# Bound of the error of u, v and w of `flat.meet_plane`, times its scale: 14 units of 2^-24
+# times |d| Q sqrt(|s|^2 + Q^2). s leads from the origin to the corner, and
+# Q^2 = |edge1|^2 + |edge2|^2. To first order [Higham2002, section 3.1], s and the edges are
+# rounded once, each component of s x d three times, and a product with it four times more.
+# So U = edge2 . (s x d) has the error 7 |edge2| . A(s, d), where A(a, b) has the components
+# |a_j b_k| + |a_k b_j|; likewise V. S = n . d has 6 A(edge1, edge2) . |d|, and
+# W = S - (U + V) has all of these, |U| and |V|. For three vectors |a| . A(b, c) is at most
 # 2 / sqrt(3) times the product of their lengths.
 _OFF = (14.0 * 2.0**-24) ** 2
-# A wider bound takes fewer steps: sums of absolute components, with triangle inequalities.
+# A larger bound that is cheaper: sums of absolute components, with triangle inequalities.
 _WIDE = np.float32(15.0 * 2.0**-24)
 
 
 class _Seen(NamedTuple):
-    """A vertex as it is seen along the ray, in double precision."""
+    """A vertex projected along the ray, in double precision."""
 
     x: Any
     y: Any
-    depth: Any  # along the ray, times the direction's largest component
+    depth: Any  # position along the ray, times the direction's largest component
 
 
 @kernel
 def edge_margin(triangle, origin, direction):
-    """Return a number that is never less than the bound of `in_doubt`, times the scale."""
+    """Return an upper bound of the error margin of `in_doubt`, times the scale."""
     o, d = origin, direction
     along = _WIDE * (fabs(d.x) + fabs(d.y) + fabs(d.z))
     away = fabs(o.x) + fabs(o.y) + fabs(o.z)
@@ -72,9 +72,9 @@ def edge_margin(triangle, origin, direction):
 
 @kernel
 def in_doubt(triangle, origin, direction, depth):
-    """Return where rounding may decide on which side of an edge a ray passes.
+    """Return the mask where rounding may decide on which side of an edge a ray passes.
 
-    `depth` is the least of u, v and w, times the scale.
+    `depth` is the minimum of u, v and w, times the scale.
     """
     s, d = in_double(triangle.corner) - in_double(origin), in_double(direction)
     edge1, edge2 = in_double(triangle.edge1), in_double(triangle.edge2)
@@ -87,8 +87,8 @@ def in_doubt(triangle, origin, direction, depth):
 def meet_by_vertices(triangle, origin, direction, doubtful, otherwise):
     """Return a `PlaneHit` decided by the signs at the three edges, where `doubtful`.
 
-    Its scale is 1 for a hit and 0 for none. t is the mean of the vertices' distances,
-    weighted by the areas behind the signs, so that it is between them.
+    Its scale is 1 for a hit and 0 for a miss. t is the mean of the vertices' distances,
+    weighted by the signed areas, so it lies between them.
     """
     d, start = in_double(direction), in_double(origin)
     axis = _largest(d)
@@ -102,7 +102,7 @@ def meet_by_vertices(triangle, origin, direction, doubtful, otherwise):
     most = maximum(maximum(of_a, of_b), of_c)
     whole = of_a + of_b + of_c
     n = in_double(triangle.normal)
-    area = dot(n, n) + 0.0 * whole  # of each ray; 0: what is left of it is rounding
+    area = dot(n, n) + 0.0 * whole  # in lanes of the rays; 0: the triangle is degenerate
     hit = ((least >= 0.0) | (most <= 0.0)) & (area > 0.0)
     t = (of_a * p.depth + of_b * q.depth + of_c * r.depth) / (whole * dot(d, axis))
     u, v = to_single(of_b / whole), to_single(of_c / whole)
@@ -127,9 +127,9 @@ def _largest(d):
 
 @kernel
 def _seen(vertex, d, axis):
-    """Return a vertex, given relative to the origin: (vertex x d) without the axis.
+    """Project a vertex, given relative to the origin: (vertex x d) without `axis`.
 
-    The other components are multiplied by 0 and 1, which is exact.
+    The components are selected by products with 0 and 1, which are exact.
     """
     m = cross(vertex, d)
     return _Seen(

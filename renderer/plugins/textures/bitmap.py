@@ -1,4 +1,4 @@
-"""Bitmaps over (u, v): the nearest texel, or the four around a point."""
+"""Bitmap textures: nearest or bilinear look-up of texels."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _WRAP = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 
 
 class Bitmaps(NamedTuple):
-    """Bitmaps whose texels have one format; columns by texture id."""
+    """Bitmaps with the same texel format; columns by texture id."""
 
     texels: Any  # see `plugins.textures.texels`; row after row from the top
     start: NDArray[np.int32]  # (n,) first texel
@@ -56,13 +56,13 @@ def read(properties: Any, use: Use) -> BitmapTexture:
     location = location_of(properties, key)
     raw = properties.boolean("raw", False)
     storage = properties.choice("format", "auto", FORMATS)
-    properties.boolean("accel", True)  # of GPU backends; nothing to accelerate here
+    properties.boolean("accel", True)  # for GPU backends; ignored
     texels, srgb = image.texels, image.srgb and not raw
     if storage == "uint8" and texels.dtype != np.uint8:
         properties.fail("format", f'"uint8" for texels of {texels.dtype}', "auto")
     if storage == "auto" and texels.dtype == np.uint16:
         storage = "float16"
-    if storage == "auto" and srgb and texels.dtype.kind == "f":  # of a dictionary
+    if storage == "auto" and srgb and texels.dtype.kind == "f":  # from a dictionary
         storage = "variant" if texels.dtype == np.float32 else "float16"
     if storage not in ("auto", "uint8"):
         with np.errstate(over="ignore", invalid="ignore"):
@@ -78,7 +78,7 @@ def read(properties: Any, use: Use) -> BitmapTexture:
         properties.uv_transform("to_uv"),
         srgb,
     )
-    # Mitsuba renders the following, so it does so here, and says so.
+    # Mitsuba accepts these values, so they are accepted here too, with a warning.
     floats = use is Use.REFLECTANCE and texels.dtype.kind == "f"
     if floats and (largest := float(texels.max())) > 1.0:
         properties.reading.warn(
@@ -95,13 +95,13 @@ def read(properties: Any, use: Use) -> BitmapTexture:
 
 def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
     """Return the mean luminance of the texels."""
-    linear = Image(bitmap.texels, bitmap.srgb).linear  # not kept, as `pixels` would be
+    linear = Image(bitmap.texels, bitmap.srgb).linear  # not cached, as `pixels` would be
     mean_color = linear.mean(axis=(0, 1), dtype=np.float64)
     return float(mean_color @ LUMINANCE)
 
 
 def format_of(bitmap: BitmapTexture) -> tuple[str, int, bool]:
-    """Return what differs between tables: type and number of channels, and encoding."""
+    """Return the key of a table: type and number of channels, and encoding."""
     return bitmap.texels.dtype.name, bitmap.texels.shape[2], bitmap.srgb
 
 
@@ -127,23 +127,23 @@ def _mode(bitmap: BitmapTexture) -> int:
 
 @kernel
 def wrapped(i, size, mode):
-    """Return texel coordinates brought into [0, size)."""
+    """Return texel coordinates, wrapped into [0, size)."""
     n = to_f32(size)
     x = to_f32(i)
     period = floor(x / n)
     repeated = x - period * n
-    # every other period of a mirrored image runs backwards
+    # every second period of a mirrored image is reversed
     odd = period - 2.0 * floor(period * 0.5) != 0.0
     mirrored = select(odd, n - 1.0 - repeated, repeated)
     clamped = minimum(maximum(x, splat_f32(0.0)), n - 1.0)
     wrapped = select(mode == CLAMP, clamped, select(mode == MIRROR, mirrored, repeated))
-    # the division may round up to a whole period
+    # rounding may give a whole period
     return to_i32(minimum(maximum(wrapped, splat_f32(0.0)), n - 1.0))
 
 
 @kernel
 def _interpolated(bitmaps, texture, point, mask):
-    """Return texels or their mean at (u, v); v runs upwards, rows downwards."""
+    """Return the nearest texel, or bilinear interpolation; v is up, rows go down."""
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
     height = gather_row(bitmaps.height, 0, texture, mask)
@@ -154,8 +154,8 @@ def _interpolated(bitmaps, texture, point, mask):
     x = point.u * to_f32(width) - half
     y = (1.0 - point.v) * to_f32(height) - half
     x0 = floor(x)
-    # a point on the edge of two texels belongs to the one to which v runs, not the rows;
-    # surfaces without u and v are all on such an edge
+    # a point on the edge of two texels belongs to the one with larger v; surfaces without
+    # uv have all their points on such an edge
     upwards = to_f32(height) - 1.0 - floor(point.v * to_f32(height))
     y0 = select(nearest, upwards, floor(y))
     left = wrapped(to_i32(x0), width, mode)

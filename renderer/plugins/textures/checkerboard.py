@@ -1,4 +1,4 @@
-"""Checkerboards over (u, v): two colours, 2 x 2 fields in each unit square."""
+"""Checkerboard textures: two colours, 2 x 2 fields per unit square of (u, v)."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Checkerboards(NamedTuple):
     """Columns by texture id."""
 
     colors: NDArray[np.float32]  # (6, n) the two colours
-    numbers: NDArray[np.float32]  # (2, n) what they mean as one number
+    numbers: NDArray[np.float32]  # (2, n) the two values as scalars
 
 
 def read(properties: Any, use: Use) -> CheckerboardTexture:
     """Read the properties of a file; the colours may be textures."""
     if use is Use.EMISSION:
-        use = Use.REFLECTANCE  # Mitsuba takes no brighter ones, on a light either
+        use = Use.REFLECTANCE  # Mitsuba limits the colours to [0, 1], even for lights
     return CheckerboardTexture(
         read_texture(properties, "color0", 0.4, use),
         read_texture(properties, "color1", 0.2, use),
@@ -37,7 +37,7 @@ def read(properties: Any, use: Use) -> CheckerboardTexture:
 
 
 def children(board: CheckerboardTexture) -> tuple[Texture, Texture] | None:
-    """Return the textures that are a board's colours, None if both are plain colours."""
+    """Return the textures that are a board's colours; None if both are constant."""
     colors = board.color0, board.color1
     return None if all(isinstance(c, ConstantTexture) for c in colors) else colors
 
@@ -48,7 +48,7 @@ def mean(board: CheckerboardTexture, mean_of: Callable[[Any], float]) -> float:
 
 
 def board_table(textures: list[CheckerboardTexture | None], scene: Any) -> Checkerboards:
-    """Pack checkerboards of plain colours into one record."""
+    """Pack checkerboards of constant colours into one record."""
     colors = np.zeros((len(textures), 2, 3))
     for board, both in zip(textures, colors, strict=True):
         if board is not None:
@@ -75,7 +75,7 @@ def board_color(boards, texture, point, mask):
 
 @kernel
 def board_scalar(boards, texture, point, mask):
-    """Return color1 where u and v are in the same half: as Mitsuba does, which swaps."""
+    """Return color1 where u and v are in the same half: Mitsuba swaps them for scalars."""
     first = gather_row(boards.numbers, 0, texture, mask)
     second = gather_row(boards.numbers, 1, texture, mask)
     return select(in_same_half(point.u, point.v), second, first)

@@ -1,7 +1,7 @@
-"""How the brightness of bitmaps changes with u and v: for bumps.
+"""Derivatives of bitmaps by u and v, for bump maps.
 
-It is the slope of the plane through the four texels around a point. It is 0 for a bitmap
-without interpolation, which is constant between its steps.
+The gradient is that of bilinear interpolation of the four texels around a point. It is 0
+for a bitmap without interpolation, which is piecewise constant.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _brightness(bitmaps, index, mask):
 
 @kernel
 def _slope(bitmaps, texture, point, mask):
-    """Return the derivatives by the transformed (u, v); v runs upwards, rows downwards."""
+    """Return the derivatives by the transformed (u, v); v is up, rows go down."""
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
     height = gather_row(bitmaps.height, 0, texture, mask)
@@ -55,10 +55,10 @@ def _slope(bitmaps, texture, point, mask):
 
 @method_kernel
 def look_up_gradient(textures, bsdfs, kind, row, points, start, stop):
-    """Replace the slope in two rows from `row` on where a bitmap gives it.
+    """Replace the gradient in two rows from `row` on where a bitmap gives it.
 
-    The map of uv comes before the size of the image, as in Mitsuba: where the map turns
-    the image, and it is no square, the slope is not quite that of what is seen.
+    As in Mitsuba, `to_uv` is applied before the size of the image. If `to_uv` rotates an
+    image that is not square, the gradient differs slightly from that of the look-up.
     """
     m, table = textures.to_uv, textures.table
     for i in range(start, stop, 16):

@@ -1,4 +1,4 @@
-"""The interface of a kind of texture."""
+"""The interfaces of a kind of texture."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface
 
-# luminance of linear sRGB: what a bitmap of colours returns for one number
+# luminance of linear sRGB: a colour bitmap as a scalar
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 
 class TexturePoint(NamedTuple):
-    """Where textures are looked up, in 16 lanes."""
+    """Points of look-ups, in 16 lanes."""
 
     u: Any  # transformed by the texture's `to_uv`
     v: Any
-    prim: Any  # primitive id; None where there is no surface, as in a light's cone
+    prim: Any  # primitive id; None where there is no surface, as for a spot light
     position: Any  # in the world
 
 
 class TextureMethods(NamedTuple):
-    """The record that the kernels of one kind are given; columns by texture id."""
+    """Record that is passed to the kernels of one kind; columns by texture id."""
 
-    table: Any  # of the kind
-    to_uv: NDArray[np.float32]  # (6, n) first two rows of the affine map
-    nested: Any  # see `look_up.nested_boards`; None in scenes without such checkerboards
+    table: Any  # table of the kind
+    to_uv: NDArray[np.float32]  # (6, n) first two rows of the affine matrix
+    nested: Any  # see `look_up.nested_boards`; None without nested checkerboards
 
 
 def _alike(texture: Any) -> Hashable:
@@ -43,24 +43,23 @@ class TextureKind:
     Parameters
     ----------
     name
-        Of the plugin in scene files.
+        Name of the plugin in scene files.
     description
-        The class of its record in the description.
+        Class of the scene description.
     read
-        (properties, use) -> description; the use decides which colours are possible.
+        (properties, use) -> description; `use` limits the possible colours.
     table
-        (descriptions by texture id, None for those that are not in it; scene) -> record
-        that the kernels are given.
+        (descriptions by texture id, None for those of other tables; scene) -> the table.
     table_class
-        The class of that record.
+        Class of the table.
     color, scalar
-        (table, texture, point, mask) -> RGB or one number, at a `TexturePoint`.
+        Kernels (table, texture, point, mask) -> RGB or scalar at a `TexturePoint`.
     mean
-        (description, mean_of) -> the mean of `scalar`, for what is decided before
-        rendering; `mean_of` gives that of a texture inside of it.
+        (description, mean_of) -> the mean of `scalar`, for decisions before rendering;
+        `mean_of` returns that of a nested texture.
     group
-        Textures of which this differs have tables of their own, which may be of other
-        types, so that a kernel is compiled for each.
+        description -> key. Textures with different keys are in different tables, perhaps
+        of other types, for which kernels are compiled separately.
     """
 
     name: str
@@ -81,4 +80,4 @@ def texture_color(table: Any, texture: Any, point: TexturePoint, mask: Any) -> A
 
 @interface
 def texture_scalar(table: Any, texture: Any, point: TexturePoint, mask: Any) -> Any:
-    """Return textures as one number, for a roughness, an opacity, ..."""
+    """Return textures as scalars, for a roughness, an opacity, ..."""

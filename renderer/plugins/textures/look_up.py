@@ -1,8 +1,7 @@
-"""Look-ups of textures at surface points, checkerboards of textures included.
+"""Texture look-ups at surface points, including checkerboards of textures.
 
-Checkerboards whose colours are textures: at each point one of these is looked up.
-
-So a board has no table. It only selects the texture whose table is read.
+A checkerboard whose colours are textures has no table: at each point it selects the texture
+that is looked up.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ from renderer.scene_file.description import CheckerboardTexture
 class NestedBoards(NamedTuple):
     """Columns by texture id."""
 
-    child: NDArray[np.int32]  # (2, n) texture ids of the colours, -1: it is no such board
+    child: NDArray[np.int32]  # (2, n) texture ids of the colours, -1: not such a board
 
 
 def nested_boards(textures: list[Any]) -> NestedBoards | None:
-    """Return the boards among textures, or None without a board."""
+    """Return the boards of textures among `textures`, or None if there are none."""
     ids = {id(texture): k for k, texture in enumerate(textures)}
     child = np.full((2, len(textures)), -1, np.int32)
     for k, texture in enumerate(textures):
@@ -47,9 +46,9 @@ def to_uv_of(m, texture, u, v, mask):
 
 @kernel
 def chosen_texture(nested, to_uv, texture, swapped, points, i, mask):
-    """Return the textures that are looked up in the end, by id.
+    """Return the ids of the textures that are looked up, inside of nested boards.
 
-    `swapped`: a number is looked up, for which Mitsuba exchanges a board's two colours.
+    `swapped`: for scalars, where Mitsuba exchanges the two colours of a board.
     """
     if nested is None:
         return texture
@@ -67,15 +66,15 @@ def chosen_texture(nested, to_uv, texture, swapped, points, i, mask):
 
 
 # ------------------------------------------------------------------------------ look up
-# Stage 4, textures: parameters of a batch of points, looked up in one kind of texture.
+# Stage 4, textures: parameters of a batch of points, from one kind of texture.
 #
-# There is one method for each result: a colour, a number and a slope (`gradient.py`).
-# Methods that no BSDF of a scene uses are not compiled.
+# There is one method for each result: a colour, a scalar and a gradient (`gradient.py`).
+# Methods that the scene does not use are not compiled.
 
 
 @kernel
 def textures_of(textures, bsdfs, kind, row, points, i, stop, swapped):
-    """Return the textures that give the parameter in `row`, and which are of this kind."""
+    """Return the textures of the parameter in `row`, and the mask of those of this kind."""
     bsdf = load_row(points.bsdf, 0, i)
     shown = first_lanes(stop - i) & (bsdf >= 0)
     texture = gather_row(bsdfs.texture, row, bsdf, shown)
@@ -89,7 +88,7 @@ def textures_of(textures, bsdfs, kind, row, points, i, stop, swapped):
 
 @kernel
 def point_of(textures, texture, points, i, mask):
-    """Return where textures are looked up for points i to i + 15."""
+    """Return the look-up points of points i to i + 15."""
     u, v = load_row(points.uv, 0, i), load_row(points.uv, 1, i)
     a, b = to_uv_of(textures.to_uv, texture, u, v, mask)
     return TexturePoint(a, b, load_row(points.prim, 0, i), load3(points.position, i))
@@ -97,7 +96,7 @@ def point_of(textures, texture, points, i, mask):
 
 @method_kernel
 def look_up_color(textures, bsdfs, kind, row, points, start, stop):
-    """Replace the colour in `row` of points start .. stop - 1 where a texture gives it."""
+    """Replace the colour in `row` of points start .. stop - 1 where it has a texture."""
     for i in range(start, stop, 16):
         texture, mine = textures_of(textures, bsdfs, kind, row, points, i, stop, False)
         if mask_bits(mine) == 0:
@@ -111,7 +110,7 @@ def look_up_color(textures, bsdfs, kind, row, points, start, stop):
 
 @method_kernel
 def look_up_scalar(textures, bsdfs, kind, row, points, start, stop):
-    """Replace the number in `row`, as `look_up_color` does."""
+    """Replace the scalar in `row`, as `look_up_color` does."""
     for i in range(start, stop, 16):
         texture, mine = textures_of(textures, bsdfs, kind, row, points, i, stop, True)
         if mask_bits(mine) == 0:

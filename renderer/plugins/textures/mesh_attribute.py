@@ -1,4 +1,4 @@
-"""Attributes of meshes: numbers or colours at the vertices, or one for each face."""
+"""Mesh attributes as textures: scalars or colours per vertex or per face."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from renderer.scene_file.numbers import quoted
 
 @table_columns("places")
 class MeshAttributes(NamedTuple):
-    """Attributes of the triangles of all meshes that have one of the textures."""
+    """Attributes of all triangles whose mesh has an attribute of these textures."""
 
     first: int  # primitive id of the first triangle
     places: NDArray[np.float32]  # (12, triangles) as in `TriangleSurfaces`
     shape: NDArray[np.int32]  # (primitives,) shape id
-    # (shapes, textures) added to a primitive id it is the column of `values`
+    # (shapes, textures): primitive id plus this is the column of `values`
     offset: NDArray[np.int32]
-    values: NDArray[np.float32]  # (9, n) of the three vertices in turn
+    values: NDArray[np.float32]  # (9, n) three values of each vertex
     scale: NDArray[np.float32]  # (textures,)
 
 
 def read(properties: Any, use: Use) -> MeshAttributeTexture:
-    """Read the properties of a file; what the meshes have is seen later."""
+    """Read the properties of a file; the attributes of meshes are checked later."""
     if not properties.has("name"):
         properties.fail(
             "name", "nothing", "the name of an attribute: vertex_... or face_..."
@@ -45,7 +45,7 @@ def read(properties: Any, use: Use) -> MeshAttributeTexture:
 
 
 def mean(texture: MeshAttributeTexture, mean_of: Any = None) -> NoReturn:
-    """Refuse a mean: it depends on the mesh, and Mitsuba has no such mean either.
+    """Raise an error: the mean depends on the mesh, and Mitsuba does not have it either.
 
     Raises
     ------
@@ -61,13 +61,13 @@ def mean(texture: MeshAttributeTexture, mean_of: Any = None) -> NoReturn:
 def check_attribute(
     texture: MeshAttributeTexture, shape: Shape, in_group: bool, as_number: bool
 ) -> None:
-    """Refuse an attribute that a shape lacks, of another size, or not finite.
+    """Refuse an attribute that is missing, has another size, or is not finite.
 
     Raises
     ------
     SceneError
-        Naming what the shape has. Instances are refused, too: Mitsuba looks for the point
-        in the world among the vertices of the group.
+        Names the attributes of the shape. Instances are refused too: Mitsuba searches the
+        world space point among the vertices of the group.
     """
     where = f'{texture.location}: texture "mesh_attribute"'
     if in_group:
@@ -91,7 +91,7 @@ def check_attribute(
         )
     values = attributes[texture.name]
     if texture.name.startswith("vertex_"):
-        values = values[shape.faces].reshape(-1, size)  # those that faces use
+        values = values[shape.faces].reshape(-1, size)  # only those that faces use
     if bad := np.count_nonzero(~np.isfinite(values).all(axis=1)):
         of = "vertices of faces" if texture.name.startswith("vertex_") else "faces"
         raise SceneError(
@@ -134,12 +134,12 @@ def attribute_table(
 
 @kernel
 def attribute_color(attributes, texture, point, mask):
-    """Interpolate between the vertices, by where the point is between them."""
+    """Return the attribute, interpolated by the barycentric coordinates of the point."""
     index = point.prim - attributes.first
     triangle = gather_flat(attributes, index, mask)
     edge1, edge2 = triangle.edge1, triangle.edge2
     to_point = point.position - triangle.corner
-    # least squares: the point is in the plane but for rounding
+    # least squares: the point is in the plane within rounding
     a11, a12, a22 = dot(edge1, edge1), dot(edge1, edge2), dot(edge2, edge2)
     b1, b2 = dot(edge1, to_point), dot(edge2, to_point)
     inverse = 1.0 / (a11 * a22 - a12 * a12)
@@ -159,7 +159,7 @@ def attribute_color(attributes, texture, point, mask):
 
 @kernel
 def attribute_scalar(attributes, texture, point, mask):
-    """Return a number; colours are refused before rendering, as Mitsuba has none here."""
+    """Return the scalar attribute; colours are refused before rendering, as in Mitsuba."""
     return attribute_color(attributes, texture, point, mask).x
 
 

@@ -1,4 +1,4 @@
-"""All kinds of texture: one line makes a kind known."""
+"""Registers all kinds of texture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ for _kind in (BITMAP, CHECKERBOARD, MESH_ATTRIBUTE, VOLUME, UNIFORM):
 
 
 def kind_of_texture(texture: Any) -> TextureKind | None:
-    """Return the kind of a texture of the description; None for plain numbers."""
+    """Return the kind of a texture of the description; None for constants."""
     for kind in TEXTURES.values():
         if isinstance(texture, kind.description):
             return kind
@@ -28,9 +28,9 @@ def kind_of_texture(texture: Any) -> TextureKind | None:
 
 
 def mean_of(texture: Any) -> float:
-    """Return the mean over u and v of a parameter as one number, or the number it is.
+    """Return the mean over uv of a parameter as a scalar.
 
-    For decisions that are made once for a BSDF, such as how often a lobe is sampled.
+    Used for decisions per BSDF, such as the sampling probability of a lobe.
     """
     kind = kind_of_texture(texture)
     return float(texture) if kind is None else kind.mean(texture, mean_of)

@@ -1,9 +1,9 @@
-"""Texels in the formats that images come in: bytes, half and single floats.
+"""Texels in the formats of image files: bytes, half and single precision floats.
 
-A look-up reads four texels of each point, far apart in memory: it costs what it reads.
-Three bytes are one word, so that a texel takes one gather; sRGB is decoded by a table of
-256 numbers, which stays in the nearest cache. Half floats take two words. Texels of one
-channel are numbers, of three channels vectors.
+A look-up reads four texels per point, far apart in memory: its time is that of the memory
+accesses. A texel of three bytes is stored in one word and takes one gather. sRGB is decoded
+by a table of 256 numbers, which stays in the first-level cache. Three half floats take two
+words. Texels of one channel are scalars, those of three channels vectors.
 """
 
 from __future__ import annotations
@@ -20,46 +20,46 @@ from renderer.kernels.lanes.vectors import gather_vectors, select3, vec3
 from renderer.plugins.textures.kind import LUMINANCE
 from renderer.scene_file.images.image import decoded_bytes
 
-# a half's exponent counts from 15, a single's from 127
+# the exponent bias of half precision is 15, that of single precision 127
 _HALF = np.float32(2.0**112)
 _R, _G, _B = (np.float32(weight) for weight in LUMINANCE)
 
 
 class ByteColors(NamedTuple):
-    """Three bytes a texel, in a word."""
+    """Three bytes per texel, in one word."""
 
     words: NDArray[np.int32]  # (n,)
-    decoded: NDArray[np.float32]  # (256,) what each byte means
+    decoded: NDArray[np.float32]  # (256,) value of each byte
 
 
 class Bytes(NamedTuple):
-    """A byte a texel, four in a word."""
+    """One byte per texel, four in a word."""
 
     words: NDArray[np.int32]  # (n / 4,)
     decoded: NDArray[np.float32]  # (256,)
 
 
 class HalfColors(NamedTuple):
-    """Three half floats a texel."""
+    """Three half floats per texel."""
 
     words: NDArray[np.int32]  # (2, n) red and green; blue
 
 
 class Halves(NamedTuple):
-    """A half float a texel, two in a word."""
+    """One half float per texel, two in a word."""
 
     words: NDArray[np.int32]  # (n / 2,)
 
 
 @table_columns("values")
 class FloatColors(NamedTuple):
-    """Three floats a texel."""
+    """Three floats per texel."""
 
     values: NDArray[np.float32]  # (4, n) the last is unused
 
 
 class Floats(NamedTuple):
-    """A float a texel."""
+    """One float per texel."""
 
     values: NDArray[np.float32]  # (n,)
 
@@ -72,7 +72,7 @@ def packed_texels(images: list[NDArray[Any]], srgb: bool) -> Any:
     images
         (H, W, 1 or 3) each, all of one type: uint8, float16 or float32.
     srgb
-        Whether bytes are encoded so.
+        Whether bytes are sRGB encoded.
     """
     texels = np.concatenate([image.reshape(-1, image.shape[2]) for image in images])
     channels = texels.shape[1]
@@ -80,7 +80,7 @@ def packed_texels(images: list[NDArray[Any]], srgb: bool) -> Any:
         if channels == 1:
             return Floats(np.ascontiguousarray(texels[:, 0]))
         return FloatColors(by_columns(np.pad(texels, [(0, 0), (0, 1)]).T))
-    # bytes and halves fill words: of four, or of one or two for a single channel
+    # bytes and halves are padded to words
     whole = np.zeros((len(texels), 4), texels.dtype)
     if channels == 1:
         whole = np.zeros((-(-len(texels) // 4) * 4, 1), texels.dtype)
@@ -98,12 +98,12 @@ def packed_texels(images: list[NDArray[Any]], srgb: bool) -> Any:
 
 @interface
 def texel_at(texels: Any, index: Any, mask: Any) -> Any:
-    """Return texels by their place; those of a single channel as numbers."""
+    """Return texels by index; those of a single channel as scalars."""
 
 
 @interface
 def chosen(texels: Any, mask: Any, yes: Any, no: Any) -> Any:
-    """Choose between texels, lane by lane."""
+    """Select between texels, lane by lane."""
 
 
 @interface
@@ -113,7 +113,7 @@ def as_color(texels: Any, x: Any) -> Any:
 
 @interface
 def as_number(texels: Any, x: Any) -> Any:
-    """Return what texels mean as one number."""
+    """Return texels as scalars."""
 
 
 @kernel
@@ -141,7 +141,7 @@ def _byte(texels, index, mask):
 
 @kernel
 def _single(half):
-    """Return half floats that are not negative, from the lower 16 bits: exactly."""
+    """Return half floats from the lower 16 bits, exactly; they must not be negative."""
     return as_f32((half & 0x7FFF) << 13) * _HALF
 
 

@@ -1,7 +1,7 @@
-"""The same colour everywhere.
+"""Constant textures.
 
-As the parameter of a BSDF it is no texture but a constant, for which nothing is looked up;
-this is for those inside of other textures.
+A BSDF parameter that is constant needs no look-up; this kind is for constants inside of
+other textures.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Uniforms(NamedTuple):
     """Columns by texture id."""
 
     colors: NDArray[np.float32]  # (3, n)
-    numbers: NDArray[np.float32]  # (n,) what they mean as one number
+    numbers: NDArray[np.float32]  # (n,) their values as scalars
 
 
 def read(properties: Any, use: Use) -> ConstantTexture:
@@ -32,7 +32,7 @@ def read(properties: Any, use: Use) -> ConstantTexture:
 
 
 def mean(texture: ConstantTexture, mean_of: Any = None) -> float:
-    """Return the mean of the three numbers: not the luminance, which a bitmap has."""
+    """Return the mean of the three channels; not the luminance, as for a bitmap."""
     return sum(texture.rgb) / 3.0
 
 

@@ -1,4 +1,4 @@
-"""A volume as a texture: what it is at the points of a surface, wherever uv are."""
+"""Volumes as textures: looked up at the position of a surface point, without uv."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from renderer.scene_file.objects.media import read_volume
 class VolumeTextures(NamedTuple):
     """Columns by texture id."""
 
-    grid: NDArray[np.int32]  # (n,)
+    grid: NDArray[np.int32]  # (n,) index of the grid
     grids: Grids
 
 
@@ -42,7 +42,7 @@ def read(properties: Any, use: Use) -> VolumeTexture | ConstantTexture:
 
 
 def mean(texture: VolumeTexture, mean_of: Any = None) -> NoReturn:
-    """Refuse a mean: it depends on the surface, and Mitsuba has no such mean either.
+    """Raise an error: the mean depends on the surface, and Mitsuba does not have it.
 
     Raises
     ------
@@ -66,14 +66,14 @@ def volume_table(textures: list[VolumeTexture | None], scene: Any) -> VolumeText
 
 @kernel
 def volume_color(volumes, texture, point, mask):
-    """Return the colours at positions in the world."""
+    """Return the colours at world space positions."""
     grid = gather_row(volumes.grid, 0, texture, mask)
     return look_up_grid(volumes.grids, grid, point.position, mask)
 
 
 @kernel
 def volume_scalar(volumes, texture, point, mask):
-    """Return numbers; of three channels the luminance."""
+    """Return scalars; the luminance for three channels."""
     grid = gather_row(volumes.grid, 0, texture, mask)
     color = look_up_grid(volumes.grids, grid, point.position, mask)
     luminance = (

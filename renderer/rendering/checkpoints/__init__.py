@@ -1,1 +1,1 @@
-"""The state of a render in a file, from which it goes on (docs/checkpoints.md)."""
+"""Checkpoints: the state of a render in a file, to resume it (docs/checkpoints.md)."""

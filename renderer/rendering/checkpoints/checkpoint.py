@@ -1,4 +1,4 @@
-"""The checkpoint of a render under way: read at its start, written now and then."""
+"""The checkpoint of a render: read at its start, written at intervals."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ MAY_DIFFER = "only threads, accel and, if the sampler is independent, spp may di
 
 
 def is_kept(path: Path) -> bool:
-    """Return whether there is a checkpoint, or the older one of two."""
+    """Return whether there is a checkpoint at `path`, or an older one."""
     return path.exists() or older(path).exists()
 
 
 def check_checkpoint_path(path: Path, *, resume: bool) -> None:
-    """Say now that a checkpoint cannot be written, or that it would cost another one.
+    """Check before a render that a checkpoint can be written and overwrites no other one.
 
     Raises
     ------
     SceneError
-        For a folder that is missing or not writable, and for a file that is there when
-        `resume` is false.
+        If the folder is missing or not writable, or if the file exists and `resume` is
+        false.
     """
     reason = why_not_writable(path)
     if reason is None and path.exists() and not path.is_file():
@@ -53,32 +53,32 @@ def check_checkpoint_path(path: Path, *, resume: bool) -> None:
 
 
 class Checkpoint:
-    """Where the state of a render is kept.
+    """Reads and writes the state of a render.
 
     Parameters
     ----------
     path : Path
-        Of the file; the one before is kept in its folder, see `file.older`.
+        Of the file; the previous one is kept in the same folder, see `file.older`.
     every : float
-        Seconds between the end of one writing and the next.
+        Seconds between the end of a write and the next one.
     of : Identity
         What is rendered.
     resume : bool
-        Go on from what is there. If that is nothing, or only the older one of two is
-        whole, this is said (as a CheckpointWarning).
+        Resume from the file. If there is no file, or only the older one is valid, a
+        CheckpointWarning says so.
 
     Raises
     ------
     SceneError
-        If what is there is of another render, is damaged, or may not be resumed.
+        If the file belongs to another render, is damaged, or must not be resumed.
     """
 
     def __init__(self, path: Path, every: float, of: Identity, *, resume: bool) -> None:
         check_checkpoint_path(path, resume=resume)
-        path = target_of(path)  # the older one is kept in the folder of the file
+        path = target_of(path)  # follow links: the older file is next to the target
         self._path, self._every, self._of = path, every, of
         self._found: Stored | None = None
-        self._whole = False  # whether `path` has a good file, kept when the next is written
+        self._whole = False  # whether `path` has a valid file, to be kept at the next write
         self._copies: dict[str, NDArray[Any]] = {}
         self._writing: WorkerPool | None = None
         self._failure = ""
@@ -108,8 +108,8 @@ class Checkpoint:
         Raises
         ------
         SceneError
-            If the file lacks one, which is so after a render without a goal, or cannot be
-            read any more.
+            If the file lacks an array, as after a render without a goal, or cannot be read
+            any more.
         """
         if self._found is None:
             return False
@@ -130,7 +130,7 @@ class Checkpoint:
         return True
 
     def due(self) -> bool:
-        """Return whether it is time to `take` the state."""
+        """Return whether the next checkpoint is due."""
         if self._writing is not None:
             if self._writing.done == 0:
                 return False
@@ -138,7 +138,7 @@ class Checkpoint:
         return time.monotonic() - self._last >= self._every
 
     def take(self, state: Arrays) -> None:
-        """Copy a state at rest, and write the copy while the render goes on."""
+        """Copy a state that no thread changes; write it while the render continues."""
         self.close()
         for name, array in state.items():
             if name not in self._copies:
@@ -148,13 +148,13 @@ class Checkpoint:
         self._writing.start()
 
     def save(self, state: Arrays) -> None:
-        """Write a state at rest; return when it is on the disk."""
+        """Write a state that no thread changes; return when it is on the disk."""
         self.close()
         self._write(state)
         self._say_failure()
 
     def close(self) -> None:
-        """Wait for the end of what is being written."""
+        """Wait for the current write to end."""
         if self._writing is not None:
             while not self._writing.wait():
                 pass
@@ -162,7 +162,7 @@ class Checkpoint:
         self._say_failure()
 
     def _write(self, state: Arrays) -> None:
-        """Write; a full disk is no reason to end a render of hours."""
+        """Write; errors such as a full disk do not end the render."""
         try:
             keep = self._whole and self._path.exists()
             write_checkpoint(self._path, self._of, state, keep=keep)

@@ -1,8 +1,8 @@
-"""The file of a checkpoint: named arrays and what they are of, whole or not at all.
+"""The file of a checkpoint: named arrays and the identity of their render, with a checksum.
 
-The older of two is kept with the new one. There is a good file at every moment: the new
-one is on the disk before it takes the place of the old one, and a file that was cut off or
-changed is known by its checksum. docs/checkpoints.md has the format.
+The previous checkpoint is kept with the new one, so there is a valid file at every moment:
+the new one is on the disk before it replaces the old one, and a truncated or changed file
+is detected by its checksum. docs/checkpoints.md has the format.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from renderer.process.whole_file import whole_file
 
 MAGIC = b"lightproof checkpoint 1\n"
 LENGTH = 8  # bytes of the header's length, little-endian
-CHECKSUM = 32  # bytes of SHA-256 of all before, at the end
-BLOCK = 1 << 20  # bytes read at once
+CHECKSUM = 32  # bytes of SHA-256 of everything before it, at the end of the file
+BLOCK = 1 << 20  # bytes per read
 Arrays = Mapping[str, NDArray[Any]]
 
 
 class Damaged(Exception):
-    """A file that is no whole checkpoint; the message says why, without its name."""
+    """A file that is not a valid checkpoint; the message gives the reason, not the name."""
 
 
 class Layout(NamedTuple):
-    """Where an array lies in a file."""
+    """Type and position of an array in a file."""
 
     dtype: str  # such as "<f8"
     shape: tuple[int, ...]
@@ -38,14 +38,14 @@ class Layout(NamedTuple):
 
 
 class Stored(NamedTuple):
-    """A checkpoint in a file that was found whole."""
+    """A checkpoint in a file whose checksum was valid."""
 
     path: Path
     of: dict[str, dict[str, str]]  # see `identity`
     arrays: dict[str, Layout]
 
     def read_into(self, arrays: Arrays) -> None:
-        """Fill arrays, which must be of the types and shapes that are in the file."""
+        """Fill arrays, which must have the types and shapes of those in the file."""
         with self.path.open("rb") as file:
             for name, array in arrays.items():
                 file.seek(self.arrays[name].offset)
@@ -53,25 +53,25 @@ class Stored(NamedTuple):
 
 
 def older(path: Path) -> Path:
-    """Return the name under which the checkpoint before the one at `path` is kept."""
+    """Return the path of the previous checkpoint, for the current one at `path`."""
     return path.with_name(f"{path.name}.older")
 
 
 def write_checkpoint(
     path: Path, of: dict[str, dict[str, str]], arrays: Arrays, *, keep: bool
 ) -> None:
-    """Write a checkpoint; keep the one that is there as the older, or put it in its place.
+    """Write a checkpoint; with `keep` the present file becomes the older one.
 
     Raises
     ------
     OSError
-        When the disk is full, say. What was there still is.
+        Such as for a full disk. The old files still exist then.
     """
     types = [[name, a.dtype.str, list(a.shape)] for name, a in arrays.items()]
     header = json.dumps({"of": of, "arrays": types}, ensure_ascii=True).encode()
     length = len(header).to_bytes(LENGTH, "little")
     digest = hashlib.sha256()
-    # For a moment only the older one is there: `find_checkpoint` knows.
+    # For a moment only the older file exists: `find_checkpoint` reads it then.
     with whole_file(path, older=older(path) if keep else None) as file:
         data = map(_bytes_of, arrays.values())
         for block in (memoryview(MAGIC + length + header), *data):
@@ -81,9 +81,9 @@ def write_checkpoint(
 
 
 def find_checkpoint(path: Path) -> tuple[Stored | None, list[str]]:
-    """Return the newest whole checkpoint at `path`, and what is wrong with newer ones.
+    """Return the newest valid checkpoint at `path`, and the errors of newer files.
 
-    There is none, and nothing wrong, where no file is.
+    Without a file the result is None and no errors.
     """
     wrong: list[str] = []
     for candidate in (path, older(path)):
@@ -97,12 +97,12 @@ def find_checkpoint(path: Path) -> tuple[Stored | None, list[str]]:
 
 
 def read_checkpoint(path: Path) -> Stored:
-    """Read what a checkpoint is of, and where its arrays lie, after a look at every byte.
+    """Verify a checkpoint; return its identity and the positions of its arrays.
 
     Raises
     ------
     Damaged
-        If it was cut off or changed, or is something else.
+        If it was truncated or changed, or is not a checkpoint.
     OSError
         If it cannot be read.
     """
@@ -138,7 +138,7 @@ def read_checkpoint(path: Path) -> Stored:
         KeyError,
         AttributeError,
         RecursionError,
-        SyntaxError,  # NumPy's, of text that is no type
+        SyntaxError,  # raised by NumPy for text that is not a type
         OverflowError,
     ):
         raise Damaged("is damaged: its header makes no sense") from None
@@ -148,7 +148,7 @@ def read_checkpoint(path: Path) -> Stored:
 
 
 def _bytes_of(array: NDArray[Any]) -> memoryview:
-    """Return an array's own memory; it must be contiguous."""
+    """Return the memory of an array, which must be contiguous."""
     flat: Any = array.reshape(-1).view(np.uint8)
     return memoryview(flat)
 

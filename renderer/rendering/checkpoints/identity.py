@@ -1,4 +1,4 @@
-"""What a checkpoint belongs to (scene, options, kernels), and a hash of it."""
+"""Identity of a render: scene, options, kernels; checkpoints of another one are refused."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from renderer.scene.scene import Scene
 from renderer.scene_file.description import OtherBsdf, Sampler
 
 # ----------------------------------------------------------------------------- identity
-# What a render must have in common with a checkpoint to go on from it to the same bits.
+# What must be equal to resume a render with identical bits.
 
 Identity = dict[str, dict[str, str]]
 
 _PACKAGE = Path(__file__).parents[2]
-# sources that touch no sum
+# sources that do not affect the sums
 _OF_NO_PICTURE = ("command/", "rendering/picture/", "simple/")
-# fields of a plan that say how much is done, or why, and not what
+# fields of a plan that give amounts or explanations, and do not change samples
 _AMOUNTS = {"spp", "rays", "lines", "no_roulette", "sampler"}
 
 
 @functools.cache
 def made_by() -> dict[str, str]:
-    """Return the program and the machine, on which last bits depend.
+    """Return the program and the machine, since the last bits depend on them.
 
-    NumPy and LLVM take other instructions on another processor.
+    NumPy and LLVM use different instructions on another processor.
     """
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.rglob("*.py")):
@@ -59,10 +59,10 @@ def made_by() -> dict[str, str]:
 
 
 def identity_of(scene: Scene, plan: Plan, options: RenderOptions) -> Identity:
-    """Return what a render is of: what can be said in words, and digests of the rest.
+    """Return the identity of a render: readable entries, and digests of the rest.
 
-    Not in it is what the picture does not depend on: the threads, the structure that finds
-    hits, and the number of samples, if the first ones do not depend on how many follow.
+    It excludes what does not change the picture: the number of threads, the accelerator,
+    and the number of samples if the first samples do not depend on it.
     """
     description = scene.description
     camera, film = description.camera, description.camera.film
@@ -97,7 +97,7 @@ def identity_of(scene: Scene, plan: Plan, options: RenderOptions) -> Identity:
 
 
 def difference(theirs: Identity, ours: Identity) -> str | None:
-    """Return in which way two identities differ first, in words; None if they do not."""
+    """Return the first difference of two identities in words; None if they are equal."""
     for name in {**ours["said"], **theirs.get("said", {})}:
         there, here = theirs.get("said", {}).get(name), ours["said"].get(name)
         if there != here:
@@ -109,16 +109,16 @@ def difference(theirs: Identity, ours: Identity) -> str | None:
 
 
 # ------------------------------------------------------------------------------ content
-# A digest of what a scene's records hold, wherever they were read from.
+# A digest of the contents of a scene's records, independent of their source.
 #
-# Not of the files: a comment in the XML changes nothing, and a dictionary has none.
+# Files are not hashed: a comment in the XML changes nothing, and a dictionary has no file.
 
-# what tells where something comes from, and no kernel sees
+# attributes about the source, which no kernel reads
 _NO_CONTENT = {"location", "source", "files", "warnings", "simplified", "id"}
 
 
 def content_digest(*values: Any) -> str:
-    """Return the same hexadecimal digits for equal records, arrays, numbers and texts.
+    """Return equal hexadecimal digits for equal records, arrays, numbers and texts.
 
     Raises
     ------
@@ -130,10 +130,10 @@ def content_digest(*values: Any) -> str:
 
 class _Digester:
     def __init__(self) -> None:
-        self._known: dict[int, bytes] = {}  # by identity: a texture of many shapes
+        self._known: dict[int, bytes] = {}  # by id(): many shapes share a texture
 
     def digest(self, value: Any) -> bytes:
-        """Return a digest of fixed length, so that those of parts can be joined."""
+        """Return a digest of fixed length, so that digests of parts can be concatenated."""
         if isinstance(value, np.generic):
             value = value.item()
         if isinstance(value, (type(None), bool, int, float, str)):
@@ -154,7 +154,7 @@ class _Digester:
 
     def _of_record(self, record: Any) -> bytes:
         parts = [self.digest(type(record).__name__)]
-        if isinstance(record, OtherBsdf):  # its kernels may be the user's own
+        if isinstance(record, OtherBsdf):  # include a user's kernels
             parts.append(self.digest(kind_of(record).source))
         for field in dataclasses.fields(record):
             if field.name not in _NO_CONTENT:

@@ -1,4 +1,4 @@
-"""From what a user calls a cluster to its workers: a client of Dask's, or an address."""
+"""Connects to a cluster: a Dask client, an address, or local worker processes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from renderer.rendering.cluster.source import ClusterWorkers
 
 CONNECT = 10  # [s]
-_OF_PROCESS = 160 << 20  # [bytes] of a worker that has imported what it needs
+_OF_PROCESS = 160 << 20  # [bytes] of a worker after its imports
 MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
 
 
 def workers_of(cluster: Any) -> ClusterWorkers:
-    """Return the workers of a `distributed.Client`, or workers as they are.
+    """Return the workers of a `distributed.Client`, or a `ClusterWorkers` unchanged.
 
     Raises
     ------
@@ -45,19 +45,20 @@ def workers_of(cluster: Any) -> ClusterWorkers:
 
 @contextmanager
 def open_cluster(where: str) -> Iterator[ClusterWorkers]:
-    """Start a cluster, `local:4`, or connect to one, `tcp://host:8786`.
+    """Start a local cluster (`local:4`), or connect to one (`tcp://host:8786`).
 
-    A local one has so many processes of one thread each, and ends with the context.
+    A local cluster has the given number of processes with one thread each. It ends with the
+    context.
 
     Raises
     ------
     NotAllowed
-        If processes alone, without a scene, take more memory than there is.
+        If the processes alone, without a scene, need more memory than is available.
     ClusterError
-        If there is none at that address, or Dask is not installed.
+        If there is no cluster at that address, or Dask is not installed.
     """
     _check_dask()
-    # what goes wrong is said by us, in one line
+    # errors are reported by this program, in one line
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
     if where.startswith("local:"):
         with _local(int(where.removeprefix("local:"))) as found:
@@ -82,7 +83,7 @@ def _local(workers: int) -> Iterator[ClusterWorkers]:
 
     from renderer.rendering.cluster.source import ClusterWorkers
 
-    # before they start: two hundred of them hold up a machine for minutes
+    # checked before they start: two hundred processes block a machine for minutes
     memory.require(workers * _OF_PROCESS, f"--cluster local:{workers}: a process for each")
     with (
         LocalCluster(
@@ -90,10 +91,10 @@ def _local(workers: int) -> Iterator[ClusterWorkers]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # any free port; two clusters meet at one else
+            dashboard_address="127.0.0.1:0",  # any free port; a fixed one may be in use
             silence_logs=logging.CRITICAL + 1,
-            preload=["renderer.rendering.cluster.worker"],  # `dask_setup` there
-            memory_limit=0,  # a watch that would end workers; ours keep little
+            preload=["renderer.rendering.cluster.worker"],  # calls its `dask_setup`
+            memory_limit=0,  # Dask's monitor would end workers; ours need little memory
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):

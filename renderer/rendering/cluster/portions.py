@@ -1,4 +1,4 @@
-"""What is still to be done of one render, dealt out in portions of about equal cost."""
+"""The missing samples of a render, divided into portions of about equal cost."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from numpy.typing import NDArray
 
 from renderer.rendering.film.film import Film
 
-# To hand out a portion and take it in costs the client and the scheduler some milliseconds
-# (docs/cluster.md). Where many threads are fed, portions are longer in proportion.
+# A portion costs the client and the scheduler some milliseconds (docs/cluster.md). With
+# many threads portions are longer in proportion.
 MOST_SECONDS, LEAST_SECONDS = 0.5, 0.02
 MOST_PER_THREAD, LEAST_PER_THREAD = 0.04, 0.01
-MOST_BYTES = 1 << 22  # of the sums that a portion takes along
-_NAMED = 3  # tiles of a portion in a message
+MOST_BYTES = 1 << 22  # of the sums that are sent with a portion
+_NAMED = 3  # tiles of a portion that a message names
 
 
 def portion_seconds(work: float, threads: int) -> float:
-    """Return how long a portion shall take.
+    """Return the duration of the next portions [s].
 
     Parameters
     ----------
     work : float
-        Seconds that all of what is left takes one thread.
+        Seconds that one thread needs for all remaining work.
     threads : int
-        That share it. Portions grow small at the end, so that all end at about the same
-        time, but never so small that to deal them out takes longer than they do: n of
-        them, by so many threads that each has one, take n c + work / n, whose least is at
-        portions of sqrt(work c).
+        Number of threads. Portions become shorter at the end, so that all threads end at
+        about the same time. But they are not so short that the overhead dominates: n
+        portions, one per thread, take n c + work / n, which is smallest for portions of
+        sqrt(work c).
     """
     least = min(LEAST_PER_THREAD * threads, (LEAST_PER_THREAD * work) ** 0.5)
     most = max(MOST_SECONDS, MOST_PER_THREAD * threads)
@@ -37,7 +37,7 @@ def portion_seconds(work: float, threads: int) -> float:
 
 
 class Portion(NamedTuple):
-    """A piece of work: samples begins[k] .. ends[k] - 1 that place places[k] counts."""
+    """Samples begins[k] .. ends[k] - 1, counted by place places[k]."""
 
     places: tuple[int, ...]
     begins: tuple[int, ...]
@@ -45,16 +45,16 @@ class Portion(NamedTuple):
 
 
 class Portions:
-    """Samples that places of a film still need; nothing here depends on what adds them.
+    """The samples that the places of a film still need, for any kind of worker.
 
-    A place waits, or is in one portion that was taken. Sums come back into the film as a
-    whole, with the number of samples that they hold, so that the film is at every moment
-    one to go on from.
+    A place is either waiting or in one portion that was taken. The sums of a portion are
+    added to the film as a whole, together with the number of their samples, so the film can
+    be resumed at any moment.
 
     Parameters
     ----------
     film : Film
-        Where the samples go.
+        The film that gets the samples.
     wanted : int64 (places,)
         Samples that each place shall hold.
     """
@@ -66,17 +66,17 @@ class Portions:
         self._waiting = deque(int(place) for place in places)
         self._most_places = max(1, MOST_BYTES // film.sums[0].nbytes)
         left = (wanted - film.samples)[places]
-        self.missing = int(left @ self._pixels[places])  # samples that are not in the film
+        self.missing = int(left @ self._pixels[places])  # samples that the film lacks
 
     @property
     def waiting(self) -> bool:
-        """Whether there is something to take."""
+        """Whether any place is waiting."""
         return bool(self._waiting)
 
     def take(self, samples: float) -> Portion:
-        """Return a portion of about so many samples, which is to be added in the end.
+        """Return a portion of about `samples` samples, whose sums must be added later.
 
-        Each place gets a first part before any gets all of its samples: an interrupted
+        Each place gets a first part before any place gets all samples. So an interrupted
         picture has no holes.
         """
         places: list[int] = []
@@ -96,16 +96,16 @@ class Portions:
         return Portion(tuple(places), tuple(begins), tuple(ends))
 
     def fair_share(self, rate: float, threads: int) -> float:
-        """Return how many samples to take for a worker of which `threads` are at work.
+        """Return the samples to take for a portion, if `threads` threads share the work.
 
-        `rate` is what one of them does in a second; 0: not known.
+        `rate` is the number of samples per second of one thread; 0: unknown.
         """
         if rate == 0.0:
-            return 1.0  # a place's first part
+            return 1.0  # the first part of one place
         return rate * portion_seconds(self.missing / rate, threads)
 
     def sample(self, count: int) -> Portion:
-        """Return the first samples of some places that lie all over the picture."""
+        """Return the first samples of `count` places distributed over the picture."""
         places = np.flatnonzero(self.wanted)
         chosen = places[
             np.linspace(0, len(places) - 1, min(count, len(places))).astype(int)
@@ -114,12 +114,12 @@ class Portions:
         return Portion(tuple(chosen.tolist()), (0,) * len(chosen), tuple(ends.tolist()))
 
     def samples(self, portion: Portion) -> int:
-        """Return how many samples a portion is, of all its pixels."""
+        """Return the number of samples of a portion, over all its pixels."""
         counts = np.subtract(portion.ends, portion.begins)
         return int(counts @ self._pixels[list(portion.places)])
 
     def named(self, portion: Portion) -> str:
-        """Return which tiles and samples a portion is, for messages."""
+        """Return the tiles and samples of a portion, for messages."""
         film = self._film
         found = [film.tile(place % len(film.tiles)) for place in portion.places]
         corners = ", ".join(f"({tile.x}, {tile.y})" for tile in found[:_NAMED])
@@ -131,14 +131,14 @@ class Portions:
         )
 
     def sums(self, portion: Portion) -> NDArray[np.float64] | None:
-        """Return what a portion goes on from; None: nothing."""
+        """Return the sums that a portion is added to; None: zeros."""
         if not any(portion.begins):
             return None
         sums: NDArray[np.float64] = self._film.sums[list(portion.places)]
         return sums
 
     def add(self, portion: Portion, sums: NDArray[np.float64]) -> None:
-        """Take a portion's sums into the film."""
+        """Copy the sums of a portion into the film."""
         for place, end, new in zip(portion.places, portion.ends, sums, strict=True):
             self._film.sums[place] = new
             self._film.samples[place] = end

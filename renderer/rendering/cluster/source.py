@@ -1,12 +1,12 @@
-"""Tiles from the workers of a Dask cluster, with the bits of this process.
+"""Samples from the workers of a Dask cluster, with the same bits as in this process.
 
-Dask starts processes, decides which worker does what, carries bytes, and gives the tasks of
-a lost worker to another one. What is done here: a task brings the sums that it goes on from
-and takes them back, a worker gets none before it has shown that its bits are ours, and a
-render ends with one sentence when it cannot go on.
+Dask starts processes, assigns tasks to workers, transfers data, and reassigns the tasks of
+a lost worker. This module does the rest: a task contains the sums that its samples are
+added to and returns them; a worker gets tasks only after it has shown that its bits are
+equal; and a render that cannot continue ends with a message of one sentence.
 
-A thread of its own submits tasks and takes their results in, so that Ctrl-C, which falls
-into the main thread, never interrupts it.
+Tasks are submitted and their results received in a separate thread, so that Ctrl-C, which
+is raised in the main thread, never interrupts that.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ from renderer.rendering.job import RenderJob
 from renderer.rendering.memory_estimate import check_room, estimate_workers
 from renderer.rendering.render_options import RenderOptions
 
-LOOK = 0.5  # [s] between two looks at which workers are there
-PAUSE = 0.005  # [s] between two looks at which results are there
-PATIENCE = 60.0  # [s] without a worker, such as while all of them are started again
-AHEAD = 1  # portions that wait at a worker, without those that its threads are at
-RETRIES = 3  # of a portion that fails on workers that live
-MOST_DEATHS = 10  # of all workers that could have done a portion
-AGAIN = 30.0  # [s] until a worker without memory is met again: others may free some
-LAST_WORDS = 5.0  # [s] for portions that are under way when a render is interrupted
-CHECKED = 3  # tiles that a worker with another processor or Numba must get right
+LOOK = 0.5  # [s] between two checks for new and lost workers
+PAUSE = 0.005  # [s] between two checks for results
+PATIENCE = 60.0  # [s] to wait without a worker, such as while all of them restart
+AHEAD = 1  # portions queued per worker, in addition to those of its threads
+RETRIES = 3  # of a portion that fails on workers that are not lost
+MOST_DEATHS = 10  # losses of all workers that have a portion, until the render fails
+AGAIN = 30.0  # [s] until a worker without memory is checked again: others may free some
+LAST_WORDS = 5.0  # [s] to wait for running portions when a render is interrupted
+CHECKED = 3  # tiles that a worker with another processor or Numba must reproduce
 
 
 @dataclass
 class Tally:
-    """What a cluster has done since it was first used; bytes are of scenes and sums."""
+    """Statistics of a cluster since its first use; bytes are those of scenes and sums."""
 
-    size: int = 0  # workers that may work
-    portions: int = 0  # that came in
-    retried: int = 0  # sent once more, since all workers that had them were lost
+    size: int = 0  # workers that may be used
+    portions: int = 0  # received
+    retried: int = 0  # submitted again because all workers that had them were lost
     bytes_sent: int = 0
     bytes_received: int = 0
-    lost: set[str] = field(default_factory=set)  # addresses of workers
-    refused: dict[str, str] = field(default_factory=dict)  # address -> why
-    later: dict[str, float] = field(default_factory=dict)  # refused -> until when
+    lost: set[str] = field(default_factory=set)  # addresses of lost workers
+    refused: dict[str, str] = field(default_factory=dict)  # address -> reason
+    later: dict[str, float] = field(default_factory=dict)  # refused -> end of the refusal
     shown_equal: dict[str, str] = field(default_factory=dict)  # address -> what differs
 
     def __str__(self) -> str:
@@ -70,40 +70,40 @@ class Tally:
         return ", ".join([*words, f"{sent:.1f} MB sent, {received:.1f} MB received"])
 
     def refuse(self, address: str, error: BaseException) -> None:
-        """Let a worker get nothing more, or, without memory, not until `AGAIN` passed."""
+        """Exclude a worker; without memory only for `AGAIN` seconds."""
         message = str(error)
-        if not isinstance(error, SceneError | ClusterError):  # such as of unpickling
+        if not isinstance(error, SceneError | ClusterError):  # such as errors of unpickling
             message = f"{type(error).__name__}: {message}"
         self.refused[address] = message
         if isinstance(error, NotAllowed):
             self.later[address] = time.monotonic() + AGAIN
 
     def forgive(self) -> None:
-        """Forget refusals whose time is over."""
+        """Remove refusals that have expired."""
         for address in [a for a, end in self.later.items() if time.monotonic() > end]:
             del self.later[address]
             self.refused.pop(address, None)
 
 
 class ClusterWorkers:
-    """The workers behind a client, for one render or several at a time.
+    """The workers of a client, for one or several simultaneous renders.
 
     Parameters
     ----------
     client : distributed.Client
         Connected, and not an asynchronous one.
     local : int
-        How many workers share the memory of this machine, processes of one thread each.
+        Number of workers that share the memory of this machine, one thread each.
     """
 
     def __init__(self, client: Client, local: int = 0) -> None:
         self.client, self._local = client, local
         self.tally = Tally()
         self.pieces: dict[str, Any] = {}  # hash -> future of a part of a scene
-        self._contents: dict[int, Content] = {}  # of the renders that are under way
+        self._contents: dict[int, Content] = {}  # of the current renders
 
     def source(self, job: RenderJob, film: Film) -> ClusterTiles:
-        """Return a source of a film's tiles.
+        """Return a source of samples for a film.
 
         Raises
         ------
@@ -113,22 +113,22 @@ class ClusterWorkers:
         return ClusterTiles(self, job, film)
 
     def open(self, job: RenderJob) -> Content:
-        """Send a render's scene, but for what has been sent; workers take it from there.
+        """Send the scene of a render, except parts that the cluster already has.
 
-        The pieces are results of tasks, and not scattered: what is lost with a worker is
-        made again by Dask.
+        The pieces are results of tasks and are not scattered: Dask recomputes those that
+        are lost with a worker.
 
         Raises
         ------
         ClusterError
-            If something in the scene cannot be sent.
+            If a part of the scene cannot be sent.
         NotAllowed
-            If workers that share this machine's memory take more than there is.
+            If workers that share this machine's memory need more than is available.
         """
         if self.client.status != "running":
             raise ClusterError(f"the client of the cluster is {self.client.status}")
         content = work.request_of(job)
-        if self._local:  # each of them would find the same memory free
+        if self._local:  # otherwise each would count the same free memory
             self._check_local(job, content)
         for name, piece in content.pieces.items():
             known = self.pieces.pop(name, None)
@@ -140,7 +140,7 @@ class ClusterWorkers:
         return content
 
     def close(self, job: RenderJob, content: Content) -> None:
-        """Forget pieces, but for those of the last render: the next may share them."""
+        """Release pieces, except those of the last render: the next may share them."""
         self._contents.pop(id(job), None)
         kept = {n for each in [*self._contents.values(), content] for n in each.pieces}
         self.pieces = {name: f for name, f in self.pieces.items() if name in kept}
@@ -159,7 +159,7 @@ class ClusterWorkers:
             loop = client.loop.asyncio_loop
             asking = asyncio.run_coroutine_threadsafe(scheduler.ncores(), loop)
             last = time.monotonic() + PATIENCE
-            # the client notices at once that a scheduler is gone, the question does not
+            # the client notices at once that a scheduler is gone; the call does not
             while client.status == "running" and time.monotonic() < last:
                 try:
                     return dict(asking.result(LOOK))
@@ -178,7 +178,7 @@ class ClusterWorkers:
             RenderOptions(accel=job.options.accel, threads=1),
             workers=self._local,
             kernels=self.tally.portions == 0,
-            # as bytes that came, and unpacked
+            # once as received bytes, and once unpacked
             scene_bytes=2 * sum(map(len, content.pieces.values())),
         )
         instead = f"fewer than {self._local} workers; threads, which share the scene"
@@ -187,21 +187,21 @@ class ClusterWorkers:
 
 class _Task(NamedTuple):
     portion: Portion
-    workers: frozenset[str]  # that may do it
+    workers: frozenset[str]  # addresses of the workers that may run it
 
 
 class ClusterTiles:
-    """A `TileSource`: the workers of a cluster add samples to a film."""
+    """`TileSource` that adds the samples of a cluster's workers to a film."""
 
     def __init__(self, workers: ClusterWorkers, job: RenderJob, film: Film) -> None:
         self._workers, self._job, self._film = workers, job, film
         self._client, self._tally = workers.client, workers.tally
         self._content = workers.open(job)
-        self._portions = Portions(film, film.samples.copy())  # none yet
+        self._portions = Portions(film, film.samples.copy())  # none are missing yet
         loop = self._client.loop
         self._done = as_completed([], loop, with_results=True, raise_errors=False)
         self.begun = 0.0
-        self._met: dict[str, bool] = {}  # worker -> true: it may work; false: not known yet
+        self._met: dict[str, bool] = {}  # worker -> true: may be used; false: being checked
         self._meetings: dict[Future[Any], str] = {}
         self._out: dict[Future[Any], _Task] = {}
         self._again: list[Portion] = []
@@ -213,11 +213,11 @@ class ClusterTiles:
 
     @property
     def note(self) -> str:
-        """The progress line: workers in use, portions done, retried and lost, bytes."""
+        """Progress line: workers in use, portions done, retried and lost, bytes."""
         return f"{_counted(self._tally.size, 'worker')}, {self._tally}"
 
     def start(self, wanted: NDArray[np.int64]) -> None:
-        """See `TileSource`; in a sweep it is called ahead of the loop."""
+        """See `TileSource`; in a sweep it is called before the loop."""
         if self._pool is not None and not self._stopping:
             return
         self.begun = self.begun or time.perf_counter()
@@ -232,13 +232,13 @@ class ClusterTiles:
         return self._pool is None or self._pool.wait()
 
     def stop(self) -> None:
-        """See `TileSource`; workers go on with what they have."""
+        """See `TileSource`; workers continue with their portions."""
         self._stopping = True
         if self._pool is not None:
             self._pool.stop()
 
     def end(self) -> None:
-        """See `TileSource`; what workers are at is taken in, for `LAST_WORDS` at most."""
+        """See `TileSource`; results of running portions are awaited for `LAST_WORDS`."""
         self.stop()
         if self._out or self._meetings:
             self._run(self._drain)
@@ -251,10 +251,10 @@ class ClusterTiles:
         self._pool = WorkerPool(1, 1, lambda number, thread: call())
         self._pool.start()
 
-    # ------------------------------------------------------------------ in its own thread
+    # ------------------------------------------------------------ in the separate thread
 
     def _deal(self) -> None:
-        """Submit and take in until all is done, or `stop` is called."""
+        """Submit portions and receive results until all is done or `stop` is called."""
         try:
             while not self._stopping and not self._finished:
                 self._look_around()
@@ -285,7 +285,7 @@ class ClusterTiles:
         return not (self._portions.waiting or self._out or self._again)
 
     def _look_around(self) -> None:
-        """Meet workers that have come, and take back what lost ones had."""
+        """Check new workers, and resubmit the portions of lost ones."""
         now = time.monotonic()
         if now < self._next_look:
             return
@@ -314,7 +314,7 @@ class ClusterTiles:
             raise ClusterError(f"the cluster has had no worker for {PATIENCE:.0f} s")
 
     def _meet(self, address: str) -> None:
-        """Let a worker get ready, and show that its bits are ours where it differs."""
+        """Submit the check of a worker, which must reproduce our bits if it differs."""
         portion, expected = self._proof
         future = self._task(work.meet, made_by(), portion, expected, workers=[address])
         self._met[address] = False
@@ -322,7 +322,7 @@ class ClusterTiles:
 
     @functools.cached_property
     def _proof(self) -> tuple[Portion, str]:
-        """The first samples of some tiles, and a digest of their sums here."""
+        """Return the first samples of some tiles, and a digest of their sums here."""
         portion = self._portions.sample(CHECKED)
         film, sums = self._film, []
         for place, begin, end in zip(*portion, strict=True):
@@ -340,7 +340,7 @@ class ClusterTiles:
         return future
 
     def _submit(self) -> None:
-        """Give Dask as many portions as the workers need; it decides which does what."""
+        """Submit as many portions as the workers need; Dask assigns them."""
         portions = self._portions
         good = [address for address in self._present if self._met.get(address)]
         threads = sum(self._present[address] for address in good)
@@ -359,7 +359,7 @@ class ClusterTiles:
             self._tally.bytes_sent += 0 if sums is None else sums.nbytes
 
     def _take_in(self) -> None:
-        """Add what has come from workers to the film."""
+        """Add the results that have arrived to the film."""
         batch = self._done.next_batch(block=False)
         if not batch:
             time.sleep(PAUSE)
@@ -371,11 +371,11 @@ class ClusterTiles:
                     self._add(self._out.pop(future).portion, *result)
                 elif future.status == "error":
                     self._fail(self._out.pop(future).portion, result[1])
-                elif self._alive:  # cancelled with its workers
+                elif self._alive:  # cancelled because its workers are lost
                     self._give_back(future)
 
     def _answer(self, address: str, future: Future[Any], result: Any) -> None:
-        """Let a worker work, or not."""
+        """Accept or refuse a worker by the result of its check."""
         if future.status == "finished":
             self._met[address] = True
             if result:
@@ -383,7 +383,7 @@ class ClusterTiles:
         elif future.status == "error" and not isinstance(result[1], KilledWorker):
             self._tally.refuse(address, result[1])
             self._met.pop(address, None)
-        else:  # it is lost; if it comes back, it is met again
+        else:  # it is lost; if it comes back, it is checked again
             self._met.pop(address, None)
         self._next_look = 0.0
 
@@ -399,7 +399,7 @@ class ClusterTiles:
         raise error
 
     def _give_back(self, future: Future[Any]) -> None:
-        """Take a portion back whose workers are all lost."""
+        """Resubmit a portion whose workers are all lost."""
         portion = self._out.pop(future).portion
         future.cancel()
         self._tally.retried += 1

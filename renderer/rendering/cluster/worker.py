@@ -1,13 +1,13 @@
-"""What runs on a worker of a cluster, and the bytes of the scene that it is sent.
+"""Code that runs on a worker of a cluster, and serialization of the scene.
 
-A scene and what is to be done with it, as bytes that are known by what they hold.
+A scene and a task are serialized to bytes that are identified by their hash.
 
 Workers share no disk with the client. They get the description as it was read, with the
-contents of all files in it. Large arrays are pieces of their own, under
-a hash of theirs: a sweep of pictures that share a mesh sends it once.
+contents of all its files. Large arrays are separate pieces, each under its hash: a sweep of
+pictures that share a mesh sends the mesh once.
 
-Pickles run code when they are read, here as everywhere in Dask: a cluster is one of
-machines that trust each other (docs/cluster.md).
+Unpickling runs code, here and everywhere in Dask: all machines of a cluster must trust each
+other (docs/cluster.md).
 """
 
 from __future__ import annotations
@@ -45,29 +45,29 @@ from renderer.scene.scene import build_scene
 from renderer.scene_file import plugins as plugin_file
 from renderer.scene_file.description import SceneDescription
 
-LEAST = 1 << 16  # [bytes] of an array that is a piece of its own
-Name = tuple[str, bool]  # a hash, and whether the array may be written to
+LEAST = 1 << 16  # [bytes] arrays of this size are separate pieces
+Name = tuple[str, bool]  # a hash, and whether the array is writable
 
 
 class Content(NamedTuple):
-    """A frozen object: its skeleton, and its large arrays."""
+    """A serialized object: its pickle, and its large arrays."""
 
-    names: tuple[Name, ...]  # of the skeleton, then of the arrays as it needs them
+    names: tuple[Name, ...]  # of the pickle, then of the arrays in the order of their use
     pieces: Mapping[str, bytes]  # by hash, each once, in the order of the names
 
     @property
     def key(self) -> str:
-        """A hash of all of it."""
+        """Hash of all pieces."""
         return hashlib.sha256(repr(self.names).encode()).hexdigest()[:32]
 
 
 def freeze(thing: Any) -> Content:
-    """Return an object as bytes.
+    """Serialize an object.
 
     Raises
     ------
     TypeError, AttributeError, pickle.PicklingError
-        If something in it cannot be sent, such as a function of a prompt.
+        If a part of it cannot be sent, such as a function defined at a prompt.
     """
     arrays: list[tuple[Name, bytes]] = []
 
@@ -91,10 +91,10 @@ def _hash(held: bytes) -> str:
 
 
 def thaw(names: Sequence[Name], held: Sequence[bytes]) -> Any:
-    """Return the object again; `held` are the pieces, each once.
+    """Deserialize an object; `held` are the pieces, each once.
 
-    Whether an array may be written to is part of its type in compiled code, and what is
-    compiled for one is not for the other.
+    Arrays keep their writable flag: it is part of their type in compiled code, so a kernel
+    compiled for one does not fit the other.
     """
     pieces = dict(zip(dict.fromkeys(name for name, _ in names), held, strict=True))
     (skeleton, _), *arrays = names
@@ -103,41 +103,41 @@ def thaw(names: Sequence[Name], held: Sequence[bytes]) -> Any:
 
 
 # ------------------------------------------------------------------------- plugin files
-# Files of plugins (`--plugins FILE.py`) that go to the workers with a scene.
+# Plugin files (`--plugins FILE.py`), which are sent to the workers with a scene.
 #
-# A description may hold records of classes that such a file defines. So the files are the
-# first thing in what is sent, and reading them imports them, before the scene is read.
+# A description may contain records of classes that such a file defines. So the files come
+# first in the serialized data, and are imported when they are unpickled, before the scene.
 
-Files = tuple[tuple[str, bytes], ...]  # names below a common folder, contents
+Files = tuple[tuple[str, bytes], ...]  # paths relative to a common folder, contents
 
 
 class PluginFiles:
-    """The plugin files of this process, by content: pickled, they are imported there."""
+    """The plugin files of this process; unpickling imports them on the worker."""
 
     def __reduce__(self) -> tuple[Callable[..., None], tuple[tuple[Files, ...]]]:
-        """Say what a worker calls instead of making this object again."""
+        """Return the function that a worker calls to unpickle this object."""
         return import_sent, (tuple(_contents(path) for path in plugin_file.imported),)
 
 
 def _contents(path: str) -> Files:
-    """Return a file, first, and what it imports from around it."""
+    """Return the file first, then the files around it that it imports."""
     files = with_neighbours(path)
     folder = os.path.commonpath([file.parent for file in files])
     return tuple((f.relative_to(folder).as_posix(), f.read_bytes()) for f in files)
 
 
 def import_sent(plugins: tuple[Files, ...]) -> None:
-    """Write files that came into a folder named by their content, and import the first.
+    """Write received files to a folder named by their hash, and import the first one.
 
     Raises
     ------
     SceneError
-        If one cannot be imported here, or if this process has imported another content
-        under a name of theirs: Python would go on with that.
+        If one cannot be imported, or if this process has already imported other content
+        under the same name: Python would continue to use that.
     """
     have = {_contents(path) for path in plugin_file.imported}
     for files in plugins:
-        if files in have:  # this process sent them, or has had them
+        if files in have:  # this process has sent or imported them already
             continue
         _refuse_stale(files)
         digest = hashlib.sha256(repr(files).encode()).hexdigest()[:16]
@@ -145,12 +145,12 @@ def import_sent(plugins: tuple[Files, ...]) -> None:
         for name, content in files:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)  # other workers of the machine write the same
+            write_whole(path, content)  # other workers here may write the same file
         plugin_file.import_plugin_file(str(folder / Path(files[0][0])))
 
 
 def _refuse_stale(files: Files) -> None:
-    """Refuse files in the place of which modules with another content are loaded."""
+    """Refuse files whose module names are loaded with different content."""
     plugin = Path(files[0][0])
     sent = cache_root() / "plugins"
     for name, content in files:
@@ -161,7 +161,7 @@ def _refuse_stale(files: Files) -> None:
         loaded = getattr(sys.modules.get(module), "__file__", None)
         if loaded is None:
             continue
-        # a file around a plugin with the name of a library's module is not what is imported
+        # a neighbouring file with the name of a library module is not what is imported
         ours = name == files[0][0] or Path(loaded).is_relative_to(sent)
         if ours and (not os.path.isfile(loaded) or Path(loaded).read_bytes() != content):
             raise SceneError(
@@ -171,32 +171,32 @@ def _refuse_stale(files: Files) -> None:
 
 
 # ------------------------------------------------------------------------------- worker
-# What runs on a worker: samples of places, added to the sums that came with them.
+# Tasks on a worker: add samples of places to the sums that come with the task.
 #
-# A worker keeps nothing that matters. Each piece of work brings the sums that it goes on
-# from and takes them back, so that a worker may be lost at any moment.
+# A worker keeps no state that matters. Each task contains the sums that its samples are
+# added to and returns them, so a worker may be lost at any moment.
 
-KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
+KEPT = 3  # scenes that a process keeps ready: neighbours in a sweep
 MOST_THREADS = 256  # of one worker
 INSTEAD = "a worker with more memory, or one with many threads in the place of several"
 
 
 class Request(NamedTuple):
-    """What a worker has to know of a render."""
+    """Everything that a worker needs of a render."""
 
-    plugins: PluginFiles | None  # first, so that it is read first
+    plugins: PluginFiles | None  # first, so that it is unpickled first
     description: SceneDescription
     plan: Plan
     options: RenderOptions
 
 
 def request_of(job: RenderJob) -> Content:
-    """Return what a worker has to know of a render, frozen.
+    """Return the serialized `Request` of a render.
 
     Raises
     ------
     ClusterError
-        If something in it cannot be sent.
+        If a part of it cannot be sent.
     """
     scene = job.scene
     if job.plan.replay:
@@ -217,8 +217,8 @@ def request_of(job: RenderJob) -> Content:
 
 class _Ready(NamedTuple):
     job: RenderJob
-    film: Film  # without samples: it knows tiles and the order of samples
-    threads: queue.SimpleQueue[int]  # numbers of workspaces that are free
+    film: Film  # without samples: it has the tiles and the order of samples
+    threads: queue.SimpleQueue[int]  # numbers of free workspaces
 
 
 _ready: OrderedDict[str, _Ready] = OrderedDict()
@@ -233,25 +233,25 @@ def meet(
     expected: str,
     *held: bytes,
 ) -> str:
-    """Let this worker get ready for a render; return in what it differs from the client.
+    """Prepare this worker for a render; return how it differs from the client.
 
     Parameters
     ----------
     key, names, held
-        The `Request`, see the functions above.
+        The serialized `Request`, see the functions above.
     ours : dict
-        What runs at the client.
+        Program and machine of the client.
     portion : Portion
-        Samples that a worker which differs renders, to show that its bits are the same.
+        Samples that a differing worker renders, to prove that its bits are equal.
     expected : str
-        The SHA-256 of their sums.
+        SHA-256 of their sums.
 
     Raises
     ------
     ClusterError
         If this worker has another lightproof, or other bits.
     SceneError
-        If it cannot read the scene, or has not the memory.
+        If it cannot read the scene, or lacks memory.
     """
     theirs = made_by()
     differ = [
@@ -277,16 +277,16 @@ def add_samples(
     sums: NDArray[np.float64] | None,
     *held: bytes,
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the sums of some places with the samples of a portion added, and the seconds.
+    """Add the samples of a portion to the sums of its places; also return the seconds.
 
     Parameters
     ----------
     key, names, held
-        The `Request`, see the functions above.
+        The serialized `Request`, see the functions above.
     portion : Portion
         Which samples.
     sums : float64 (places, channels + 1, rows, columns), or None
-        What the places hold; None: nothing yet.
+        Sums so far; None: zeros.
     """
     job, film, threads = _prepared(key, names, held)
     start = time.perf_counter()
@@ -294,7 +294,7 @@ def add_samples(
     if sums is None:
         result = np.zeros((count, *film.sums.shape[1:]))
     else:
-        result = np.array(sums)  # one's own: what came is only to be read
+        result = np.array(sums)  # a copy: the received array is read-only
     thread = threads.get()
 
     def trace() -> None:
@@ -309,7 +309,7 @@ def add_samples(
 
 
 def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
-    """Return a job that is ready to trace; the last few are kept."""
+    """Return a job that is ready to trace; the last few are cached."""
     with _one_prepares:
         if key not in _ready:
             request: Request = thaw(names, held)
@@ -321,7 +321,7 @@ def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
 
 
 def _make_ready(request: Request) -> _Ready:
-    """Build a request; raise NotAllowed if it takes more memory than there is."""
+    """Build a job; raise NotAllowed if it needs more memory than is available."""
     scene = build_scene(request.description)
     options = dataclasses.replace(request.options, threads=_threads_here())
     needs = estimate_workers(scene, request.plan, options)
@@ -336,7 +336,7 @@ def _make_ready(request: Request) -> _Ready:
 
 
 def _threads_here() -> int:
-    """Return how many portions this worker traces at a time; 1 where there is no worker."""
+    """Return the number of threads of this worker; 1 outside of a worker."""
     from distributed import get_worker
 
     try:
@@ -346,7 +346,7 @@ def _threads_here() -> int:
 
 
 def dask_setup(process: Any) -> None:
-    """Let Ctrl-C in a terminal, which all processes there get, end the render alone.
+    """Ignore Ctrl-C, which a terminal sends to all processes; the client handles it.
 
     Dask calls it in the workers of `local:N`, which end with their cluster.
     """

@@ -1,1 +1,1 @@
-"""The film of a render: its sums, and how many samples each place of them holds."""
+"""The film of a render: sums of weighted samples, and the number of samples in each."""

@@ -1,4 +1,4 @@
-"""Films in bands, and tiles that one job finishes without sums of the whole film."""
+"""Films in bands, and films whose tiles are developed as soon as they are complete."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from renderer.process.worker_pool import in_threads
 from renderer.rendering.film.film import SAMPLES_PER_JOB, Film
 
 # --------------------------------------------------------------------------------- band
-# A part of the film that fits into memory: some rows of its tiles, then the next ones.
+# A band is a part of the film that fits into memory: some rows of tiles.
 #
-# The sums of a tile have a border, so that pixels at the edge of a band need the rows of
-# tiles beyond it too: those are carried from band to band and nothing is rendered twice.
-# A band adds up the same sums in the same order as the whole film: no bit is another.
+# The sums of a tile have a border. So pixels at the edge of a band also need the rows of
+# tiles next to it: those are passed on to the next band, and nothing is rendered twice. A
+# band adds the same numbers in the same order as the whole film, so all bits are equal.
 
 
 class FilmShape(NamedTuple):
-    """What `Film` is made of; see there."""
+    """Arguments of `Film`, see there."""
 
     channels: int
     x: int
@@ -37,44 +37,44 @@ class FilmShape(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Rows of tiles."""
+        """Number of rows of tiles."""
         return -(-(self.height + 2 * self.beyond) // TILE_SIZE)
 
     @property
     def columns(self) -> int:
-        """Tiles in a row."""
+        """Number of tiles in a row."""
         return -(-(self.width + 2 * self.beyond) // TILE_SIZE)
 
     @property
     def layers(self) -> int:
-        """Sums of each tile."""
+        """Number of sums of each tile."""
         return max(1, self.sums_in_all // (self.rows * self.columns))
 
     @property
     def carried(self) -> int:
-        """Rows of tiles that a band leaves to the next."""
+        """Rows of tiles that a band passes on to the next."""
         return -(-2 * self.border // TILE_SIZE)
 
     @property
     def bytes_of_row(self) -> int:
-        """Memory of the sums of a row of tiles."""
+        """Memory of the sums of a row of tiles [bytes]."""
         size = TILE_SIZE + 2 * self.border
         return 8 * self.layers * self.columns * (self.channels + 1) * size * size
 
 
 class Band(Film):
-    """Rows of tiles of a film, of which `develop` gives the pixels that are complete.
+    """Some rows of tiles of a film; `develop` returns the completed pixel rows.
 
     Parameters
     ----------
     shape : FilmShape
         The whole film.
     rows : int
-        Rows of tiles, more than are carried to the next band.
+        Rows of tiles, more than are passed on to the next band.
     first : int
         The first row of tiles.
     begin : int
-        Rows of pixels that the bands before have given.
+        Rows of pixels that the previous bands have returned.
     """
 
     def __init__(self, shape: FilmShape, rows: int, first: int = 0, begin: int = 0) -> None:
@@ -96,7 +96,7 @@ class Band(Film):
     def develop(
         self, threads: int = 1, sums: NDArray[np.float64] | None = None
     ) -> NDArray[np.float32]:
-        """Return the rows of pixels begin .. end - 1, as those of `Film.develop`."""
+        """Return the rows of pixels begin .. end - 1 as `Film.develop` would."""
         sums = self.sums if sums is None else sums
         offset = TILE_SIZE * self._first
         first, end = self.begin - offset, self.end - offset
@@ -111,9 +111,9 @@ class Band(Film):
         return picture[first:]
 
     def following(self) -> Band | None:
-        """Return the next band, with the sums that it shares with this one; None: the end.
+        """Return the next band, with the sums that both share; None after the last band.
 
-        The sums of this one are gone then.
+        The sums of this band are no longer valid afterwards.
         """
         if self.end == self._shape.height:
             return None
@@ -132,41 +132,41 @@ class Band(Film):
 
 
 # ----------------------------------------------------------------------- finished tiles
-# A picture whose tiles are developed as soon as all their samples are there.
+# A picture whose tiles are developed as soon as all their samples are added.
 #
-# Where the film's sums are not needed again, those of a tile need no memory that lasts:
-# each thread has those of a strip's few tiles, which stay in its cache. At 1920 x 1080
-# and one sample half of the time went into fetching 66 MB from the system and through
-# memory twice, and a sixth into Python for each of 2040 tiles (docs/performance.md, "Once
-# a picture").
+# If the film's sums are not needed later, the sums of a tile need no permanent memory: each
+# thread has sums for a strip of a few tiles, which stay in its cache. At 1920 x 1080 and
+# one sample half of the time was spent on allocating 66 MB and on moving it through memory
+# twice, and a sixth in Python code for each of 2040 tiles (docs/performance.md, "Once a
+# picture").
 
 MOST_BYTES = 512 << 10  # of a strip's sums: sixteen tiles of three channels
-STRIPS_OF_A_THREAD = 16  # if there are so many tiles, so that threads end together
+STRIPS_OF_A_THREAD = 16  # at least, if there are enough tiles, to balance the threads
 
 
 class FinishedTiles(Film):
-    """A film without sums, whose tiles are developed a strip of neighbours at a time.
+    """A film without sums; strips of neighbouring tiles are developed one at a time.
 
     Parameters
     ----------
     shape : FilmShape
-        Of a film that `has_separate_tiles`.
+        Shape of a film that `has_separate_tiles`.
     threads : int
-        That call `sums_of`, each with a number of its own.
+        Number of threads that call `sums_of`, each with its own number.
     longest : int
-        The most tiles of a strip, for what their samples take.
+        Largest number of tiles of a strip; it bounds the samples traced at once.
 
     Attributes
     ----------
     strips : list of (first, end)
-        The tiles of each strip, which are neighbours in one row.
+        First and last + 1 tile of each strip; they are neighbours in one row.
     """
 
     def __init__(self, shape: FilmShape, threads: int, longest: int) -> None:
         super().__init__(*shape)
         self.compile()
         tiles, channels, *size = self.sums.shape
-        # not zeros, which one thread would write while the others wait for it
+        # not zeros: one thread would write them while the others wait
         self._picture = np.empty((self.height, self.width, channels - 1), np.float32)
         self._lines = self._picture.reshape(self.height, self.width * (channels - 1))
         columns = self.grid.columns
@@ -183,7 +183,7 @@ class FinishedTiles(Film):
         self._develop = compiled_development()
 
     def sums_of(self, strip: int, thread: int) -> NDArray[np.float64]:
-        """Return empty sums, to which a thread adds all samples of the tiles of a strip."""
+        """Return zeroed sums for a thread that renders all samples of a strip."""
         first, end = self.strips[strip]
         sums = self._sums[thread][: end - first]
         sums[...] = 0.0
@@ -207,9 +207,9 @@ class FinishedTiles(Film):
     def develop(
         self, threads: int = 1, sums: NDArray[np.float64] | None = None
     ) -> NDArray[np.float32]:
-        """Return the picture (height, width, channels), black but for finished tiles.
+        """Return the picture (height, width, channels); unfinished tiles are black.
 
-        No thread may be at work.
+        No thread may be rendering.
         """
         for number in np.flatnonzero(self.samples == 0).tolist():
             tile = self.tile(number)
@@ -218,7 +218,7 @@ class FinishedTiles(Film):
         return self._picture
 
     def so_far(self) -> NDArray[np.float32]:
-        """Return the finished tiles, and black, while threads finish others."""
+        """Return the picture while threads are rendering; unfinished tiles are black."""
         picture = np.zeros_like(self._picture)
         for number in np.flatnonzero(self.samples).tolist():
             tile = self.tile(number)

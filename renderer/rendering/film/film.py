@@ -1,4 +1,4 @@
-"""`Film`: weighted sums of pixels, and how many samples each tile holds."""
+"""`Film`: weighted sums of pixels, and the number of samples of each tile."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from renderer.kernels.records.batch import TILE_SIZE, Tile
 from renderer.process.worker_pool import in_threads
 
 # --------------------------------------------------------------------------------- work
-# The work of a render: which samples each sum of the film takes, and in which order.
+# Which samples are added to each sum of the film, and in which order.
 #
-# A tile has one sum or more, its layers. A place is one tile in one layer: its sums, and
-# how many samples they hold, are all there is to know about it. Samples go in parts: part
-# k of a tile belongs to layer k % layers, and a place takes its own parts one after the
-# other. In one thread or in many processes, without a break or with several, the same
-# numbers are added in the same order: no bit of the picture depends on what adds them.
+# A tile has one or more sums, its layers. A place is one tile in one layer. Its state is
+# its sums and their number of samples. Samples are added in parts: part k of a tile
+# belongs to layer k % layers, and the parts of a place are added in order. So the same
+# numbers are added in the same order for any number of threads or processes, and after
+# any interruption: all bits of the picture are equal.
 
-# Samples of a pixel that are traced together: so many that a tile takes milliseconds.
+# Samples of a pixel that are traced together: a tile takes some milliseconds.
 SAMPLES_PER_JOB = 16
 
 
 class Work(NamedTuple):
-    """How samples are dealt out to places.
+    """Assignment of samples to places.
 
-    Place p is tile p % tiles in layer p // tiles, as in `Film.sums`. It counts its samples
-    for itself: its samples 0 .. n - 1 are those that it takes first.
+    Place p is tile p % tiles in layer p // tiles, as in `Film.sums`. A place numbers its
+    own samples: 0 .. n - 1 are the first ones that are added to it.
     """
 
     tiles: int
     layers: int
-    part: int  # samples that are traced in one go
+    part: int  # samples per pixel that are traced together
 
     @property
     def places(self) -> int:
-        """How many places there are."""
+        """Number of places."""
         return self.tiles * self.layers
 
     def samples(self, spp: int) -> NDArray[np.int64]:
-        """Return how many of the first `spp` samples of a pixel each place takes."""
+        """Return the number of each place's samples among the first `spp` of a pixel."""
         parts, rest = divmod(spp, self.part)
         layer = np.arange(self.layers, dtype=np.int64)
         taken = (parts - layer + self.layers - 1) // self.layers * self.part
@@ -50,16 +50,16 @@ class Work(NamedTuple):
         return np.repeat(taken, self.tiles)
 
     def least_spp(self, samples: NDArray[np.int64]) -> int:
-        """Return the smallest spp whose samples include all these of the places."""
+        """Return the smallest spp whose samples include all these samples of the places."""
         parts, inside = np.divmod(samples - 1, self.part)
         layer = np.arange(self.places) // self.tiles
         last = (parts * self.layers + layer) * self.part + inside
         return int(np.where(samples > 0, last + 1, 0).max())
 
     def pieces(self, place: int, begin: int, end: int) -> Iterator[tuple[int, int]]:
-        """Give the numbers that samples begin .. end - 1 of a place have in their pixel.
+        """Yield the numbers in their pixel of samples begin .. end - 1 of a place.
 
-        A piece (first, end) stands for samples first .. end - 1 of each pixel of the tile.
+        A pair (first, end) stands for samples first .. end - 1 of each pixel of the tile.
         """
         layer = place // self.tiles
         while begin < end:
@@ -71,51 +71,50 @@ class Work(NamedTuple):
 
 
 # --------------------------------------------------------------------------------- film
-# The film: sums in double precision, per tile, then per picture.
+# Sums in double precision, per tile, which are then combined to the picture.
 #
-# Each tile has sums of its own, with a border as wide as the filter, and samples are
-# added to them in their order; they are put together at the end, in a fixed order too. So
-# nothing depends on which thread was first, and threads share no memory that they write
-# to.
+# Each tile has its own sums, with a border as wide as the filter. Samples are added in
+# order, and the tiles are combined in a fixed order too. So the result does not depend on
+# the timing of threads, and threads share no memory that they write to.
 
-ALONE = 2**17  # pixels that one thread develops while others would start
+ALONE = 2**17  # pixels that one thread develops faster than others would start
 
 
 class Film:
-    """The picture's sums, for the crop window: those of each tile in a place of its own.
+    """The sums of the picture in the crop window, separate for each tile.
 
     Parameters
     ----------
     channels : int
-        Numbers for each pixel, without the weight.
+        Numbers per pixel, without the weight.
     x, y, width, height : int
         The crop window in pixels of the full film.
     border : int
         From `filter_border`.
     film_width : int
-        Of the full film, with what is sampled beyond it.
+        Width of the full film, including the sampled border.
     beyond : int
-        Pixels on all sides of the window that are sampled too.
+        Pixels outside of the window, on each side, that are sampled too.
     sums_in_all : int
-        A film of fewer tiles has several sums for each, about so many together, so that
-        threads can work on one tile at the same time.
+        Approximate total number of sums. A film of fewer tiles has several sums for each,
+        so that threads can render the same tile simultaneously.
     part : int
         Samples of a pixel that are traced together.
 
     Attributes
     ----------
     tiles : int64 (n, 5)
-        What a `Tile` says of each: of the window and what lies beyond, row after row.
+        Position and size of each tile as in `Tile`, row by row; including the border.
     sums : float64 (layers * tiles, channels + 1, rows, columns)
-        Of each tile with its border, layer after layer; the last channel is the weight.
-        Memory is taken when a tile is first written to.
+        Of each tile with its border, layer by layer; the last channel is the weight. The
+        operating system allocates memory when a tile is first written to.
     work : Work
-        Which samples each of the sums takes.
+        Which samples are added to each of the sums.
     samples : int64 (places,)
-        Samples that each of the sums holds. Together with `sums` they are the whole state
-        of a render: another one with the same plan goes on from copies of both.
+        Number of samples in each of the sums. With `sums` it is the whole state of a
+        render: another one with the same plan can continue from copies of both.
     pixels : int
-        Pixels of all tiles.
+        Number of pixels of all tiles.
     """
 
     def __init__(
@@ -149,23 +148,23 @@ class Film:
         self.pixels = int((widths * heights).sum())
 
     def tile(self, number: int) -> Tile:
-        """Return a tile by its place in `tiles`."""
+        """Return a tile by its index in `tiles`."""
         return Tile(*self.tiles[number].tolist())
 
     @property
     def samples_done(self) -> int:
-        """Samples that the film holds, of all pixels together."""
+        """Number of samples in the film, over all pixels."""
         return int(self.samples @ self.pixels_of_place)
 
     @property
     def spp(self) -> float:
-        """Samples per pixel so far: their mean, where some tiles have more than others."""
+        """Samples per pixel so far; the mean if tiles have different numbers."""
         whole, rest = divmod(self.samples_done, self.pixels)
         return self.samples_done / self.pixels if rest else whole
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
-        """The arrays from which another film goes on."""
+        """Arrays with which another film can continue the render."""
         return {"sums": self.sums, "samples": self.samples}
 
     @property
@@ -175,7 +174,7 @@ class Film:
         return grid.border == grid.beyond == 0 and grid.layers == 1
 
     def compile(self) -> None:
-        """Compile what `develop` calls, or load it."""
+        """Compile the kernels of `develop`, or load them."""
         develop_rows(self.sums, self.grid, np.empty((0, 0, 1), np.float32), 0, 0)
 
     def develop(
@@ -183,7 +182,7 @@ class Film:
     ) -> NDArray[np.float32]:
         """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight.
 
-        `sums` are others than the film's own, such as those of half of the samples.
+        `sums` replace the film's own, such as sums of half of the samples.
         """
         sums = self.sums if sums is None else sums
         picture = np.empty((self.height, self.width, self.sums.shape[1] - 1), np.float32)
@@ -199,8 +198,8 @@ class Film:
         return picture
 
     def so_far(self) -> NDArray[np.float32]:
-        """Return what `develop` does, while threads add samples.
+        """Return the developed picture while threads add samples.
 
-        A tile may be seen between two of its samples, such as colour without its weight.
+        A tile may be read between two writes, such as colour without its weight.
         """
         return self.develop()

@@ -1,1 +1,1 @@
-"""Pictures: what a render gives back, and files of it."""
+"""Pictures: the result of a render, and image files."""

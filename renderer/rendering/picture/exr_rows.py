@@ -1,14 +1,14 @@
-"""An EXR file written some rows at a time: what is in the file was never in memory at once.
+"""Writes an EXR file by rows, so that the picture is never in memory as a whole.
 
 OpenEXR's Python interface writes whole pictures. (An older class writes rows, and crashes
-where a channel has 2 GiB.) But rows are packed in chunks of 16 that know nothing of each
-other: so OpenEXR packs some rows as a picture of their own, and here their chunks are put
-into the large file, under a header that has its size and a table of where each chunk
-begins. The file is the same, byte for byte, as the one that `Image.save` writes.
+if a channel has 2 GiB.) But rows are compressed in independent chunks of 16. So OpenEXR
+compresses some rows as a separate picture, and this module copies their chunks to the large
+file, behind a header with its size and a table of the positions of all chunks. The file is
+byte by byte the one that `Image.save` writes.
 
-After "Technical Introduction to OpenEXR" and "OpenEXR File Layout" (openexr.com): a magic
-number, flags, attributes (name, type, size, value) that an empty name ends, the table (64
-bits each), and the chunks, each with its first row and its size in front (32 bits each).
+Format after "Technical Introduction to OpenEXR" and "OpenEXR File Layout" (openexr.com): a
+magic number, flags, attributes (name, type, size, value) that end with an empty name, the
+table (64 bits each), and the chunks, each after its first row and its size (32 bits each).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from renderer.rendering.picture.image_files import (
     exr_planes,
 )
 
-CHUNK = 16  # rows that ZIP packs together
+CHUNK = 16  # rows that ZIP compresses together
 _WINDOWS = (b"dataWindow", b"displayWindow")
 _START = 8  # bytes: the magic number and the flags
 
 
 class ExrRows:
-    """A file that grows from the top; it appears when it is whole, or not at all.
+    """A file that is written from the top; it gets its name when it is complete.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class ExrRows:
     Raises
     ------
     SceneError
-        If it cannot be written; `add` and the end too.
+        If it cannot be written; also raised by `add` and at the end.
     """
 
     def __init__(self, path: Path, width: int, height: int) -> None:
@@ -58,8 +58,8 @@ class ExrRows:
         if path.suffix.lower() != ".exr":
             raise SceneError(f"{path}: rows can be written to an .exr file alone")
         self._path, self._width, self._height = path, width, height
-        self._chunks: list[int] = []  # where each begins
-        self._rest: dict[str, NDArray[np.float32]] = {}  # rows that fill no chunk so far
+        self._chunks: list[int] = []  # position of each
+        self._rest: dict[str, NDArray[np.float32]] = {}  # rows of an incomplete chunk
         self._done = 0  # rows in the file
         self._stack = ExitStack()
 
@@ -77,7 +77,7 @@ class ExrRows:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file and give it its name; after an error it is deleted."""
+        """Close and rename the file; after an error it is deleted."""
         if error is not None:
             self._stack.__exit__(kind, error, trace)
             return
@@ -88,7 +88,7 @@ class ExrRows:
             raise self._failed(failure) from failure
 
     def add(self, rows: Image) -> None:
-        """Write the next rows; the first ones say what the channels and metadata are."""
+        """Write the next rows; the first ones define the channels and the metadata."""
         planes = exr_planes(rows)
         if self._rest:
             planes = {
@@ -139,7 +139,7 @@ class ExrRows:
 
 
 def _attributes(content: Any) -> list[tuple[bytes, int, int]]:
-    """Return name, place of the value and its size of each attribute of a header."""
+    """Return name, position and size of the value of each attribute of a header."""
     content = bytes(content[: 1 << 20])
     found, at = [], _START
     while content[at]:
@@ -157,5 +157,5 @@ def _end_of_header(content: Any) -> int:
 
 
 def _windows(header: bytearray) -> list[int]:
-    """Return where the values stand that say how many pixels there are."""
+    """Return the positions of the values with the numbers of pixels."""
     return [at for name, at, _ in _attributes(header) if name in _WINDOWS]

@@ -1,4 +1,4 @@
-"""Image: what a render gives back, and how it shows itself."""
+"""`Image`: the result of a render, with its display in notebooks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from renderer.rendering.picture.picture import Picture
 
 
 class Image(Picture):
-    """A rendered picture with everything that was measured on the way.
+    """A rendered picture with all measurements of its render.
 
     `np.asarray(image)` is its pixels; in a notebook it shows itself.
     """
 
     def save(self, path: str | Path) -> None:
-        """Write the picture in the form that the ending of `path` names.
+        """Write the picture in the format of the file extension of `path`.
 
         `.exr` holds float32 R, G, B and every AOV as channels `name.X` and so on, as
         Mitsuba names them, and the metadata; `.npy` the float32 pixels; `.png` the pixels
@@ -31,21 +31,21 @@ class Image(Picture):
         Raises
         ------
         SceneError
-            If the ending is another one, or the file cannot be written.
+            If the extension is not supported, or the file cannot be written.
 
         Warns
         -----
         RuntimeWarning
-            If a PNG is to show pixels that are NaN or infinite: they become magenta.
+            If a PNG has pixels that are NaN or infinite: they become magenta.
         """
         write_image_file(Path(path), self)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return the pixels, for NumPy's functions."""
+        """Return the pixels, for NumPy functions."""
         return np.array(self.pixels, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
-        """Return size, the samples that there are, and time, not the numbers."""
+        """Return size, number of samples and time, not the pixels."""
         aovs = f", AOVs {', '.join(self.aovs)}" if self.aovs else ""
         return (
             f"<Image {self.width} x {self.height}, {self.samples_text}, "

@@ -1,4 +1,4 @@
-"""Pictures into files: EXR, PNG and NPY, each written whole or not at all."""
+"""Writes EXR, PNG and NPY files; an incomplete file never appears."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from renderer.rendering.picture.picture import Picture, srgb_from_linear
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
-MAGENTA = np.array([255, 0, 255], dtype=np.uint8)  # what no scene is by accident
+MAGENTA = np.array([255, 0, 255], dtype=np.uint8)  # marks pixels that are not finite
 
 # How Mitsuba's `aov` integrator names the channels of each kind [run].
 _SUFFIXES = {
@@ -31,11 +31,11 @@ _SUFFIXES = {
     "color": "RGB",
     "xyz": "XYZ",
 }
-_SUFFIXES_BY_COUNT = {1: "Y", 2: "UV", 3: "XYZ", 4: "RGBA"}  # of a kind not known
+_SUFFIXES_BY_COUNT = {1: "Y", 2: "UV", 3: "XYZ", 4: "RGBA"}  # for other kinds
 
 
 def aov_channel_names(name: str, kind: str, count: int) -> list[str]:
-    """Channel names of an AOV, such as `["normals.X", "normals.Y", "normals.Z"]`."""
+    """Return the channel names of an AOV, such as `["normals.X", "normals.Y", ...]`."""
     suffixes = _SUFFIXES.get(kind, "")
     if len(suffixes) != count:
         suffixes = _SUFFIXES_BY_COUNT.get(count, "")
@@ -45,12 +45,12 @@ def aov_channel_names(name: str, kind: str, count: int) -> list[str]:
 
 
 def _broken_pixels(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W), true where a channel is NaN or infinite."""
+    """Return (H, W), true where a channel is NaN or infinite."""
     return np.asarray(~np.isfinite(pixels).all(axis=2), dtype=np.bool_)
 
 
 def encode_png(pixels: NDArray[np.float32]) -> PillowImage:
-    """8-bit sRGB picture of linear (H, W, 3) pixels; NaN and infinity show as magenta."""
+    """Return linear pixels (H, W, 3) as 8-bit sRGB; NaN and infinity become magenta."""
     from PIL import Image as pillow
 
     broken = _broken_pixels(pixels)
@@ -74,8 +74,8 @@ def exr_planes(image: Picture) -> dict[str, NDArray[np.float32]]:
 
 
 def exr_header(image: Picture) -> dict[str, Any]:
-    """Return what an EXR file says about itself."""
-    import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
+    """Return the header of an EXR file."""
+    import OpenEXR  # here, because its import takes 0.1 s and PNG does not need it
 
     header: dict[str, Any] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
@@ -89,7 +89,7 @@ def exr_header(image: Picture) -> dict[str, Any]:
 def _write_exr(file: BinaryIO, image: Picture) -> None:
     import OpenEXR
 
-    # to a file that is open here: given a name, OpenEXR reports no error of the last buffer
+    # to an open file: given a name, OpenEXR reports no error when the last buffer fails
     OpenEXR.File(exr_header(image), exr_planes(image)).write(file)
 
 
@@ -114,20 +114,20 @@ def _write_npy(file: BinaryIO, image: Picture) -> None:
     pixels = np.ascontiguousarray(image.pixels, dtype=np.float32)
     header = np.lib.format.header_data_from_array_1_0(pixels)
     np.lib.format.write_array_header_1_0(file, header)
-    file.write(pixels.data)  # `np.save` reports no error of the last buffer
+    file.write(pixels.data)  # `np.save` reports no error when the last buffer fails
 
 
 _WRITERS = {".exr": _write_exr, ".png": _write_png, ".npy": _write_npy}
 
 
 def check_output_path(path: Path) -> None:
-    """Say now, not after an hour of rendering, that `path` cannot be written.
+    """Check before a render that `path` can be written.
 
     Raises
     ------
     SceneError
-        For an ending that is not .exr, .png or .npy, a folder that is missing or not
-        writable, a folder in the place of the file, or a file that is read-only.
+        If the extension is not .exr, .png or .npy, the folder is missing or not writable,
+        or `path` is a folder or a read-only file.
     """
     if _ending(path) not in _WRITERS:
         found = f"the ending {path.suffix!r}" if path.suffix else "no ending"
@@ -137,18 +137,18 @@ def check_output_path(path: Path) -> None:
 
 
 def _ending(path: Path) -> str:
-    """Return the ending that says how to write; a device without one gets an EXR."""
+    """Return the extension, which selects the format; a device without one gets EXR."""
     return path.suffix.lower() or (".exr" if is_stream(path) else "")
 
 
 def write_image_file(path: Path, image: Picture) -> None:
-    """Write `image` in the form that the ending of `path` names; see `Image.save`."""
+    """Write `image` in the format of the extension of `path`; see `Image.save`."""
     check_output_path(path)
     try:
         with whole_file(path) as file:
             _WRITERS[_ending(path)](file, image)
     except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
-        if isinstance(error, RuntimeWarning):  # a warning that the user made an error
+        if isinstance(error, RuntimeWarning):  # a warning that the user's filter raises
             raise
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{path}: cannot be written: {reason}") from error

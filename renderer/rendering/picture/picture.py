@@ -1,7 +1,4 @@
-"""Sums of the film as pixels: `Picture`, and the transfer curve of sRGB.
-
-The transfer curve of sRGB: from light to the numbers that a screen expects.
-"""
+"""`Picture`: the pixels of a render and its measurements; the transfer curve of sRGB."""
 
 from __future__ import annotations
 
@@ -30,38 +27,38 @@ def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
 
 
 # ------------------------------------------------------------------------------ picture
-# Picture: the pixels of a render, with everything that was measured on the way.
+# Picture: the pixels of a render, with all measurements of it.
 
 Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture:
-    """What a file is made of; with ways to show itself it is an `Image`."""
+    """The content of an image file; `Image` adds the display."""
 
     pixels: Array  # (H, W, 3), linear sRGB; row 0 is the top
     aovs: Mapping[str, Array] = field(default_factory=dict)  # name -> (H, W, C)
     aov_kinds: Mapping[str, str] = field(default_factory=dict)  # name -> "depth", "uv", ...
-    # samples per pixel that there are; after an interrupt their mean, which need not be
-    # whole, as some tiles have more than others. Of colours with AOVs, which come first, it
-    # is that of the colours: 0 if all AOVs are there and no colour
+    # Samples per pixel that were rendered. After an interrupt their mean, which need not be
+    # an integer, as tiles may have different numbers. For colours with AOVs, which are
+    # rendered first, the number of the colours: 0 if only AOVs are there.
     spp: float = 0
-    # samples per pixel that were requested; None: as many as a goal takes
+    # samples per pixel that were requested; None: as many as a goal needs
     requested_spp: int | None = None
-    samples: int = 0  # all that were traced: of AOVs and of the film's border too
+    samples: int = 0  # total, including those of AOVs and of the film's border
     seconds: float = 0.0  # render time without compilation
     compile_seconds: float = 0.0
     threads: int = 0
-    integrator: str = ""  # what ran, after `auto` has chosen
-    explain: str = ""  # what was modelled, what was left out, and why
-    metadata: Mapping[str, str] = field(default_factory=dict)  # goes into the EXR header
+    integrator: str = ""  # that was used, after `auto` has been resolved
+    explain: str = ""  # what was rendered, what was left out, and why
+    metadata: Mapping[str, str] = field(default_factory=dict)  # for the EXR header
     complete: bool = True  # False: interrupted, with fewer samples than requested
-    error: float | None = None  # relative, estimated, of a render with a goal
-    error_of_pixels: Array | None = None  # (H, W, 3), one guess of each pixel's difference
-    error_unsure: bool = False  # the true one may well be another (`rendering.accuracy`)
+    error: float | None = None  # estimated relative error, of a render with a goal
+    error_of_pixels: Array | None = None  # (H, W, 3), an estimate of each pixel's error
+    error_unsure: bool = False  # whether `error` may be far off (`rendering.accuracy`)
 
     def __post_init__(self) -> None:
-        """Refuse arrays whose shapes do not belong together."""
+        """Refuse arrays whose shapes do not match."""
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3:
             raise ValueError(f"pixels have shape {self.pixels.shape}, not (H, W, 3)")
         for name, values in self.aovs.items():
@@ -73,7 +70,7 @@ class Picture:
 
     @property
     def samples_text(self) -> str:
-        """How many samples per pixel there are, in words; of how many, if interrupted."""
+        """Number of samples per pixel in words, and the requested number if interrupted."""
         some = shown_spp(self.spp)
         if self.complete:
             return f"{some} samples per pixel"
@@ -92,7 +89,7 @@ class Picture:
 
 
 def shown_spp(spp: float) -> str:
-    """Return samples per pixel as a text: "64", or "about 3.1" if it is no whole number."""
+    """Return samples per pixel as text: "64", or "about 3.1" if not an integer."""
     if spp == int(spp):
         return str(int(spp))
     return f"about {spp:.1f}" if spp >= 1.0 else f"about {spp:.1g}"

@@ -1,1 +1,1 @@
-"""What will be done for a scene, and why."""
+"""Plans: what is rendered for a scene, how, and why."""

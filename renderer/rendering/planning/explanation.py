@@ -1,6 +1,6 @@
-"""The plan in words: lines of a topic and a text, for `--explain` and the report.
+"""The plan in words: lines with a topic and a text, for `--explain` and the report.
 
-What is modelled, what is left out and why; nothing here decides anything.
+They tell what is rendered, what is left out and why. No decision is made here.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from renderer.scene_file.media_description import (
     Volume,
 )
 
-TOPIC_WIDTH = 14  # columns before the text
+TOPIC_WIDTH = 14  # characters before the text
 
 _ALONE = {
     "lights": "light samples alone",
@@ -66,12 +66,12 @@ _ACCELERATORS = {
 
 @dataclass
 class Explanation:
-    """Lines, in the order in which things were decided."""
+    """Lines in the order of the decisions."""
 
     lines: list[str] = field(default_factory=list)
 
     def say(self, topic: str, text: str) -> None:
-        """Add a line; "left out" is the topic of what is not done."""
+        """Add a line; the topic "left out" is for what is not done."""
         self.lines.append(f"{topic:<{TOPIC_WIDTH}}{text}")
 
 
@@ -89,7 +89,7 @@ def describe_integrator(requested: Integrator) -> str:
 
 
 def explain_geometry(scene: Scene, why: Explanation) -> None:
-    """Count the primitives, and list the kinds that the scene has none of."""
+    """Add the number of primitives, and the kinds that the scene does not have."""
     shapes = (counted(count, kind) for kind, count in _primitives(scene).items())
     listed = list(shapes)
     if scene.placements is not None:
@@ -104,16 +104,16 @@ def explain_geometry(scene: Scene, why: Explanation) -> None:
 def explain_accelerators(
     scene: Scene, requested: str, rays: RayCounts, why: Explanation
 ) -> None:
-    """Say how the nearest hit is found among the primitives of each kind.
+    """Add how the nearest hit is found, for each kind of primitive.
 
     Parameters
     ----------
     scene : Scene
-        The primitives.
+        Scene with the primitives.
     requested : str
         An accelerator's name, or "auto".
     rays : RayCounts
-        That are expected.
+        Expected numbers of rays.
     """
     counts = _primitives(scene)
     kinds: dict[str, list[str]] = {}
@@ -141,7 +141,7 @@ def explain_shadow_rays(
     offsets: tuple[float, float],
     why: Explanation,
 ) -> None:
-    """Say what shadow rays are not tested against, see `explain_accelerators`."""
+    """Add what shadow rays are not tested against, see `explain_accelerators`."""
     lights = sampled_lights(scene.description, finds_sky)
     left_out = find_non_occluders(scene, requested, rays, lights, offsets)
     kinds = {
@@ -154,7 +154,7 @@ def explain_shadow_rays(
 
 
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
-    """List BSDFs and lights, and what of these the scene does not have."""
+    """Add the BSDFs and lights, and those kinds that the scene does not have."""
     materials = scene.materials
     used = {leaf.name for kind in materials.kinds for leaf in kind.leaves}
     why.say("BSDFs", ", ".join(kind.name for kind in materials.kinds) or "none")
@@ -172,7 +172,7 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
 
 
 def explain_media(scene: Scene, why: Explanation) -> None:
-    """Say of each medium where it is, how it scatters, and how large its grids are."""
+    """Add for each medium its shapes, its scattering, and the size of its grids."""
     described = scene.description
     found = [(described.camera.medium, "around the camera")]
     for shape in described.every_shape:
@@ -193,7 +193,7 @@ def explain_media(scene: Scene, why: Explanation) -> None:
 
 
 def explain_light_choice(plan: Plan, count: int, why: Explanation) -> None:
-    """Say how one of `count` lights is chosen at a point, where it is."""
+    """Add how one of `count` lights is selected at a point."""
     if plan.every_light or not plan.samples_lights or count < 2:
         return
     how = "all equally often, as in Mitsuba"
@@ -203,18 +203,18 @@ def explain_light_choice(plan: Plan, count: int, why: Explanation) -> None:
 
 
 def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) -> None:
-    """Say whether two ways to find the same light are weighed, or why not.
+    """Add whether light samples and BSDF samples get MIS weights, and why.
 
     Parameters
     ----------
     plan : Plan
-        What was decided.
+        The decisions.
     scene : Scene
         Its materials and lights.
     extended : bool
         Whether a ray can hit a light.
     why : Explanation
-        Where it is said.
+        Gets the lines.
     """
     what = "multiple importance sampling"
     if plan.finds_sky:
@@ -248,7 +248,7 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
 
 
 def explain_roulette(plan: Plan, why: Explanation) -> None:
-    """Say from which segment on Russian roulette is played, or why it is not."""
+    """Add the segment at which Russian roulette begins, or why there is none."""
     if plan.roulette_depth is not None:
         text = f"Russian, from segment {plan.roulette_depth} on"
         if plan.dim_depth is not None:
@@ -262,18 +262,18 @@ def explain_roulette(plan: Plan, why: Explanation) -> None:
 def explain_samples(
     sampler: Sampler, requested: int, random: bool, why: Explanation, *, replay: bool
 ) -> None:
-    """Say how many samples a pixel gets, where they lie, and why not as many as requested.
+    """Add the number and pattern of samples, and why the number differs from the request.
 
     Parameters
     ----------
     sampler : Sampler
-        With the number that is taken.
+        With the number that is used.
     requested : int
-        The number before rounding.
+        The requested number.
     random : bool
-        Whether more is drawn at random than the position in the pixel.
+        Whether more than the position in the pixel is random.
     replay : bool
-        Whether the numbers are Mitsuba's own.
+        Whether the random numbers are Mitsuba's own.
     """
     count, name = sampler.sample_count, sampler.name
     text = f"{count} per pixel"
@@ -297,13 +297,13 @@ def explain_samples(
 
 
 def _leave_out(kinds: list[str], reason: str, why: Explanation) -> None:
-    """Name the kinds of which nothing is compiled, if there are any."""
+    """Add the kinds that are not compiled, if there are any."""
     if kinds:
         why.say("left out", f"{', '.join(kinds)}: {reason}; not compiled")
 
 
 def _lights(scene: Scene) -> dict[str, int]:
-    """Return how many there are of each kind, 0 for those that the scene lacks."""
+    """Return the number of lights of each kind, including zeros."""
     lights = dict.fromkeys(LIGHTS, 0)
     for emitter in scene.description.emitters:
         lights[plugin_of(emitter).name] += 1
@@ -312,7 +312,7 @@ def _lights(scene: Scene) -> dict[str, int]:
 
 
 def _primitives(scene: Scene) -> dict[str, int]:
-    """Return how many there are of each kind outside of groups."""
+    """Return the number of primitives of each kind outside of groups."""
     return {kind: int(starts[0]) for kind, starts in scene.starts.items() if starts[0]}
 
 
@@ -329,7 +329,7 @@ def _instances(scene: Scene) -> str:
 
 
 def _free_path(medium: Medium) -> str:
-    """Return the mean way to a collision: of all colours, or of a grid."""
+    """Return the mean free path, for all colours, or of a grid."""
     volume, scale = medium.sigma_t, medium.scale
     if isinstance(volume, GridVolume):
         densest = _inverse(scale * volume.maximum)
@@ -351,7 +351,7 @@ def _albedo(volume: Volume) -> str:
 
 
 def _phase(phase: Phase) -> str:
-    """Return a phase function's name and what it is given."""
+    """Return the name and the parameters of a phase function."""
     if isinstance(phase, BlendedPhase):
         first, second = _phase(phase.first), _phase(phase.second)
         if isinstance(phase.weight, GridVolume):

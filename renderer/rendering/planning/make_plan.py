@@ -1,7 +1,7 @@
-"""The plan: no more than a scene needs, and why.
+"""Makes the plan: the cheapest method that gives the requested picture, and why.
 
-From what the file requests and what the scene holds, `make_plan` takes the least method
-that gives the same answer, and says so in words (`--explain`).
+`make_plan` uses the requests of the file and the options, and the contents of the scene. It
+explains its decisions in words (`--explain`).
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ OF_MITSUBA = "those of the scalar variants of Mitsuba {}, in their order"
 
 
 def _is_transparent(scene: Scene, requested: Integrator) -> bool:
-    """Return whether samples that meet nothing but holes are black.
+    """Return whether paths that hit only surfaces with straight transmission are black.
 
-    A rule of Mitsuba's `path`: its `direct` has none, and shows lights behind holes even
-    with `hide_emitters`.
+    A rule of Mitsuba's `path`. Its `direct` does not have it, and shows lights behind holes
+    even with `hide_emitters`.
     """
     if requested.name != "path":
         return False
@@ -85,24 +85,24 @@ def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
 
 
 def _with_sample_count(sampler: Sampler, requested: int) -> Sampler:
-    """Return the sampler with the number that its pattern allows, as Mitsuba rounds it."""
+    """Return the sampler with a supported number of samples, rounded as in Mitsuba."""
     count = round_sample_count(sampler.name, requested)
     return dataclasses.replace(sampler, sample_count=count)
 
 
 def plan_with(scene: Scene, options: RenderOptions) -> Plan:
-    """Decide how to render; of the options those count that are part of the plan.
+    """Return the plan of a render; only some of the options affect it.
 
     Parameters
     ----------
     scene : Scene
-        What is there.
+        The scene to render.
     {options}
 
     Raises
     ------
     SceneError
-        For a name that does not exist or a number of samples that is out of range.
+        If a name does not exist, or the number of samples is out of range.
     """
     choices = options.only("plan") | {
         "accel": options.accelerator,
@@ -120,7 +120,7 @@ def _make_plan(scene: Scene, options: RenderOptions) -> Plan:
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
     sampled = emitting + len(scene.description.emitters) - plan.finds_sky
-    lights = max(1, sampled) if plan.every_light else 1  # or the ray that finds the sky
+    lights = max(1, sampled) if plan.every_light else 1  # or the ray to the sky
     camera = scene.description.camera
     explain_light_choice(plan, sampled, why)
     threads, accel = options.thread_count, options.accelerator
@@ -146,12 +146,13 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     if replay or offset == "mitsuba":
         version = options.mitsuba_version or followed_version()
     transparent = _is_transparent(scene, requested)
-    # The light sampled at a half-open surface is lost where the path goes straight on, and
-    # how much of all light that is follows from the densities of Mitsuba's choice.
+    # At a surface with smooth lobes and straight transmission, Mitsuba loses the light
+    # sample if the path goes straight on. The lost fraction depends on the pdfs of its
+    # selection.
     loses_light = transparent and scene.materials.half_open
     as_mitsuba = replay or loses_light or requested.moments is not None
     choice = _light_choice(options.light_choice, replay, as_mitsuba)
-    # a leaner method gives the same answer, but not by the same paths, nor the same moments
+    # a cheaper method has the same expected picture, but other paths and moments
     automatic = options.integrator in (None, "auto")
     reduce = automatic and not replay and requested.moments is None
     chosen_sampler = _choose_sampler(scene, options.sampler)
@@ -160,7 +161,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
     extended = has_extended_lights(scene.description)
     lights = extended or bool(scene.description.emitters)
     if reduce and not lights and INTEGRATORS[requested.name].sees_lights:
-        count = 1  # the picture is black
+        count = 1  # the picture is black: one sample suffices
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
     why.say("file says", describe_integrator(requested))
@@ -179,7 +180,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         materials.straight,
     )
     decision = INTEGRATORS[requested.name].decide(case, why.say)
-    if INTEGRATORS[decision.method].media:  # it finds light in both ways
+    if INTEGRATORS[decision.method].media:  # uses both light samples and BSDF samples
         both = dataclasses.replace(requested, strategy="both", caustics=True)
         case = case._replace(requested=both)
     sampled_whole = not has_lights_outside_their_samples(scene.description)
@@ -263,7 +264,7 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
 
 
 def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
-    """Return whether the plan allows that panes refract light samples."""
+    """Return whether the plan allows light samples that panes refract."""
     return (
         plan.kind.trace_through_panes is not None
         and plan.light_choice == "importance"
@@ -272,13 +273,13 @@ def _may_go_through_panes(scene: Scene, plan: Plan) -> bool:
         and plan.caustics
         and plan.strategy == "both"
         and not plan.transparent
-        and plan.max_depth > 2  # camera to surface, pane, light
+        and plan.max_depth > 2  # camera to surface, to pane, to light
         and bool(scene.shapes.pane.any())
     )
 
 
 def _may_look_for_sky(scene: Scene, plan: Plan) -> bool:
-    """Return whether light samples follow what places see of an environment."""
+    """Return whether the plan allows light samples by visibility of the environment."""
     return (
         plan.light_choice == "importance"
         and plan.weigh
@@ -290,7 +291,7 @@ def _may_look_for_sky(scene: Scene, plan: Plan) -> bool:
 
 
 def _may_look_near_lamps(scene: Scene, plan: Plan) -> bool:
-    """Return whether segments in fog get points near lamps."""
+    """Return whether the plan allows additional points in fog near small lights."""
     return (
         plan.kind.trace_near_lamps is not None
         and plan.light_choice == "importance"
@@ -300,12 +301,12 @@ def _may_look_near_lamps(scene: Scene, plan: Plan) -> bool:
 
 
 def _check_tree(scene: Scene) -> None:
-    """Refuse nestings whose mirrors and holes a tree of rays has no branches for.
+    """Refuse nested BSDFs whose delta lobes Whitted's ray tree cannot follow.
 
     Raises
     ------
     SceneError
-        Naming the first.
+        Names the first one.
     """
     for kind in scene.materials.kinds:
         if kind.delta and kind.inside:

@@ -1,1 +1,1 @@
-"""From scene and plan to the kernels' record: a row for each kind, with its methods."""
+"""Builds the kernels' record of a scene and a plan: tables of records and methods."""

@@ -43,7 +43,7 @@ from renderer.scene.materials import MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import BitmapTexture
 
-# in the order of their columns
+# in the order of the columns of the table
 _LOOK_UPS = {
     LOOK_UP_COLOR: look_up_color,
     LOOK_UP_SCALAR: look_up_scalar,
@@ -61,20 +61,20 @@ def bsdf_tables(
     lit: bool,
     derivatives: Callable[[], NDArray[np.int64]],
 ) -> Bsdfs:
-    """Return the tables of all BSDFs; those that a plan does not follow have no methods.
+    """Return the tables of all BSDFs; those that the plan does not use have no methods.
 
-    `parameters` are the constant ones. `lit`: lights are sampled at smooth ones.
-    `derivatives` returns the methods that find dp/du and dp/dv, for bumps.
+    `parameters` are the constant parameters. `lit`: smooth BSDFs take light samples.
+    `derivatives` returns the methods that compute dp/du and dp/dv, for bump maps.
     """
     materials = scene.materials
     kinds, textures = materials.kinds, materials.textures()
-    ends = [list(leaves(texture)) for texture in textures]  # of a nested one: others
+    ends = [list(leaves(texture)) for texture in textures]  # leaves of nested textures
     looked_up = {id(leaf): table_of(leaf) for end in ends for leaf in end}
     texture_tables = list(dict.fromkeys(looked_up.values()))
     rows = [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds]
     try:
         methods = tables.table(rows, 7)
-    except NumbaError as error:  # what no check of a user's kernel has foreseen
+    except NumbaError as error:  # an error that no check of a user's kernel has found
         blame_users(error, kinds)
         raise
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
@@ -137,7 +137,7 @@ def _row(
     arithmetic: Any,
     lit: bool,
 ) -> tuple[Packed, list[MethodSpec | None]]:
-    """Return the record of one kind, and the methods that a plan needs of it."""
+    """Return the record of one kind, and the methods that the plan uses."""
     work, given = work_types(), record_type(settings)
     group = (work.points, INT, INT)
     lights = (given, FLOAT, work.points, work.light_samples, INT, INT)
@@ -174,9 +174,9 @@ def _row(
 
 
 def _of_two_texels(texture: Any) -> Any:
-    """Return a bitmap with a single row or column doubled, as Mitsuba has it.
+    """Return a bitmap with a single row or column doubled, as in Mitsuba.
 
-    It looks the same. But slopes that `to_uv` turns are multiplied by the image's size.
+    The look-up is unchanged, but slopes under `to_uv` are multiplied by the image's size.
     """
     if not isinstance(texture, BitmapTexture) or min(texture.texels.shape[:2]) > 1:
         return texture

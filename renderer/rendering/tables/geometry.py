@@ -30,7 +30,7 @@ from renderer.scene.scene import Scene
 def group_methods(
     tables: MethodTables, accelerators: Accelerators, plan: Plan
 ) -> NDArray[np.int64]:
-    """Return the methods that find nearest hits through accelerators."""
+    """Return the methods that find nearest hits with the accelerators."""
     work = work_types()
     tally = types.Array(types.int32, 2, "C") if plan.kind.counts_work else NOTHING
     closest = (work.rays, work.hits, INT, INT, tally)
@@ -47,10 +47,10 @@ def group_methods(
 def shadow_methods(
     tables: MethodTables, accelerators: Accelerators, lamps: bool
 ) -> NDArray[np.int64]:
-    """Return the methods that find what blocks shadow rays.
+    """Return the methods that test shadow rays.
 
-    `lamps`: some go to anywhere on a lamp, so that those of neighbours part company and
-    streams take them better than bundles.
+    `lamps`: some shadow rays end on area lights. Rays of neighbouring points then diverge,
+    and ray streams are faster than packets.
     """
     blocked = (work_types().shadow_rays, INT, NOTHING)
     rows = []
@@ -75,7 +75,7 @@ def surface_methods(
     shapes: Shapes,
     placements: Placements,
 ) -> NDArray[np.int64]:
-    """Return the methods that turn hits into surface points."""
+    """Return the methods that compute surface points from hits."""
     work = work_types()
     arguments = (
         *(record_type(record) for record in (settings, shapes, placements)),
@@ -94,7 +94,7 @@ def surface_methods(
 def derivative_methods(
     tables: MethodTables, scene: Scene, placements: Placements
 ) -> NDArray[np.int64]:
-    """Return the methods that find dp/du and dp/dv at points of each kind of shape."""
+    """Return the methods that compute dp/du and dp/dv, for each kind of shape."""
     work = work_types()
     arguments = (record_type(placements), work.hits, COLUMN, work.points, INT, INT, INT)
     shapes = scene.description.every_shape

@@ -1,4 +1,4 @@
-"""The kernels' record of a scene and a plan: what is needed, and no rows for the rest."""
+"""The kernels' record of a scene and a plan, without rows for what is not used."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
 
 class KernelInputs:
-    """What the kernels of a plan may look at.
+    """The kernels' inputs for a plan.
 
     Attributes
     ----------
     record : KernelScene
-        Its addresses point to what this object keeps alive.
+        Its addresses point to arrays that this object keeps alive.
     sampler : Packed
         The record of the source of random numbers.
     surfaces : dict
@@ -97,7 +97,7 @@ class KernelInputs:
         sampling = variant.sampling(scene, plan, seed)
         self.sampler: Packed = sampling.record
         what = (scene, plan, accel, variant, sampling.by_pair)
-        if variant.in_order:  # a replay, whose tables know more than the plan
+        if variant.in_order:  # a replay: its tables depend on more than the plan
             self._tables = _SceneTables(*what)
         else:
             key = _what_decides(scene, plan, accel), sampling.by_pair
@@ -107,19 +107,19 @@ class KernelInputs:
         chooses = self._tables.chooses
         methods = _sampler_methods(self._own, sampling, scene, plan, chooses)
         self.record = self._tables.record._replace(sampler=methods)
-        # the time that compiling the methods has taken; of kept ones nothing
+        # time of compiling the methods; 0 for cached ones
         kept = self._tables.methods
         self.compile_seconds = self._own.compile_seconds + kept.compile_seconds
         kept.compile_seconds = 0.0
 
     @property
     def kept(self) -> list[Packed]:
-        """The records that the methods work on."""
+        """Records that methods have the addresses of."""
         return self._tables.methods.kept + self._own.kept
 
 
 def _what_decides(scene: Scene, plan: Plan, accel: str) -> tuple[Any, ...]:
-    """Return what the tables depend on: not how many samples there are, nor whose."""
+    """Return what the tables depend on; not the number or seed of the samples."""
     chosen = choose_structures(scene, accel, plan.rays)
     structures = tuple((kind, choice.name) for kind, choice in chosen.items())
     sampler = Sampler("independent", 1)
@@ -128,18 +128,18 @@ def _what_decides(scene: Scene, plan: Plan, accel: str) -> tuple[Any, ...]:
 
 
 class _SceneTables:
-    """All but the random numbers: what a render with another seed finds made.
+    """All tables that do not depend on the random numbers; shared between seeds.
 
     Attributes
     ----------
     record : KernelScene
-        Without methods of the sampler.
+        Without the methods of the sampler.
     methods : MethodTables
-        Keep alive what its addresses point to.
+        Keeps alive what the addresses in `record` point to.
     surfaces : dict
         Kind of shape -> its record.
     chooses : bool
-        Whether the sampler chooses lights, uniformly.
+        Whether the sampler selects lights, uniformly.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class _SceneTables:
         shadow_groups = tables.table([], 2)
         if lit and not plan.kind.media:
             in_the_way = accelerators
-            if not plan.replay:  # where rounding decides, ours must decide as Mitsuba's
+            if not plan.replay:  # in a replay rounding must agree with Mitsuba
                 in_the_way = accelerators_of_shadow_rays(
                     scene, accel, plan.rays, accelerators, sampled, plan.offset[:2]
                 )
@@ -206,9 +206,9 @@ class _SceneTables:
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
-        if not plan.caustics:  # a plan for a replay has them
+        if not plan.caustics:  # never false for a replay
             hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks())
-        if plan.kind.media and not variant.previous_points:  # a replay has it already
+        if plan.kind.media and not variant.previous_points:  # a replay always has them
             hooks.append((keep_previous_points, Previous()))
         self.record = KernelScene(
             groups,
@@ -241,7 +241,7 @@ class _SceneTables:
 
 
 def has_lights(scene: Scene) -> bool:
-    """Return whether anything in a scene shines."""
+    """Return whether the scene has any emitter."""
     order = light_order(scene.description)
     return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
 
@@ -273,7 +273,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 
 
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
-    """Return the scene's surfaces, with what the kernels look at."""
+    """Return the scene's surface tables, reduced to what the kernels read."""
     uv, tangents = bool(settings.with_uv), bool(settings.with_tangents)
     return {
         kind: SHAPES[kind].prepared(table, with_uv=uv, with_tangents=tangents)
@@ -291,7 +291,7 @@ def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
 def _sampler_methods(
     tables: MethodTables, sampling: Sampling, scene: Scene, plan: Plan, chooses: bool
 ) -> NDArray[np.int64]:
-    """Return the one row of methods of the sampler; `chooses`: lights, uniformly."""
+    """Return the sampler's row of methods; `chooses`: it selects lights uniformly."""
     work = work_types()
     begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
     draws = (TILE, INT, INT, COLUMN, INT, ROWS)
@@ -315,7 +315,7 @@ def _hooks(
     settings: Settings,
     placements: Placements,
 ) -> NDArray[np.int64]:
-    """Return what is done after camera rays, scattering and surface points."""
+    """Return the methods called after camera rays, scattering and surface points."""
     work = work_types()
     of_points = record_type(placements), work.rays, work.hits, COLUMN, INT, work.points
     arguments: tuple[tuple[Any, ...], ...] = (

@@ -1,4 +1,4 @@
-"""Methods of lights: how each kind is sampled, and what paths find that arrive at them."""
+"""Methods of lights: sampling of each kind, and emission found by BSDF samples."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import renderer.plugins.shapes.registry  # noqa: F401  (shapes make their kernels known)
+import renderer.plugins.shapes.registry  # noqa: F401  (registers the shapes' kernels)
 from renderer.integrators.stages.emission import (
     add_emission_but_caustics,
     add_environment_but_caustics,
@@ -64,10 +64,11 @@ def light_methods(
 ) -> Lights:
     """Return the tables of all lights.
 
-    `lit`: they are sampled; else they shine only where a ray meets them. `choice` is
-    that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too. `sampled` are the lights that are sampled.
-    `through_panes`: the density of light samples is needed where no path has arrived.
+    `lit`: light samples are taken; otherwise only rays that hit lights find them. `choice`
+    selects one of several lights at a point; None: all of them, or one uniformly.
+    `caustics`: emission is added on caustic paths too. `sampled` are the ids of the lights
+    that are sampled. `through_panes`: the light-sampling pdf is also needed where no BSDF
+    sample has hit.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -100,7 +101,7 @@ def light_methods(
 def _choice_methods(
     tables: MethodTables, choice: LightChoice, shapes: Shapes, settings: Settings
 ) -> Methods:
-    """Return the one row of methods that choose a light; weights need the second."""
+    """Return the row of methods that select a light; MIS weights need the second one."""
     work = work_types()
     points, rays = work.points, work.rays
     found = (record_type(shapes), COLUMN, points, rays, work.hits, INT, INT)
@@ -114,10 +115,10 @@ def _choice_methods(
 def choice_of_light(
     scene: Scene, by_pair: bool, by_place: bool, finds_sky: bool
 ) -> LightChoice | None:
-    """Return how one of several lights is chosen; None for uniformly.
+    """Return the table for selecting one of several lights; None: uniformly.
 
-    `by_pair`: the first number of a draw is better spread than the fourth. `by_place`: by
-    the place alone. `finds_sky`: an even sky is none of them.
+    `by_pair`: the first random number is better stratified than the fourth. `by_place`:
+    select by position alone. `finds_sky`: a constant environment takes no light samples.
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)

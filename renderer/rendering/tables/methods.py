@@ -17,32 +17,32 @@ from renderer.kernels.jit import Method, Packed, compile_method, pack, record_ty
 from renderer.kernels.records.batch import Tile, Workspace, make_workspace
 
 INT, FLOAT, NOTHING = types.int64, types.float32, types.none
-COLUMN = types.Array(types.int32, 1, "C")  # integers by column
+COLUMN = types.Array(types.int32, 1, "C")  # one integer per column
 ROWS = types.Array(types.float32, 2, "C")
 TILE = typeof(Tile(0, 0, 1, 1, 1))
 
-# (kernel, Numba types of its parameters after the record, type of what it returns)
+# (kernel, Numba types of its parameters after the record, type of its result)
 MethodSpec = tuple[Any, tuple[Any, ...], Any]
 
 
 @functools.cache
 def work_types() -> Any:
-    """Return the Numba types of what is in a thread's workspace, by the same names."""
+    """Return the Numba types of a thread's workspace, by field name."""
     work = make_workspace(ray_capacity=16, capacity=16)
     return Workspace._make(
         record_type(part) if isinstance(part, tuple) else typeof(part) for part in work
     )
 
 
-# kernel -> addresses by the types that it was compiled for: Numba's own look-up took
-# a tenth of what a render of few pixels needs
+# kernel -> address by argument types. Numba's own look-up took a tenth of the time of a
+# render with few pixels.
 _KNOWN: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
 
 
 def method_of(
     kernel: Any, record: Packed, arguments: tuple[Any, ...], returns: Any = NOTHING
 ) -> Method:
-    """Return a method of a record, compiled on first use; see `compile_method`."""
+    """Return a kernel bound to a record, compiled on first use; see `compile_method`."""
     known = _KNOWN.setdefault(kernel, {})
     key = record.numba_type, arguments, returns
     if key not in known:
@@ -51,27 +51,27 @@ def method_of(
 
 
 class MethodTables:
-    """Makes tables of methods, and keeps alive what their addresses point to.
+    """Builds tables of methods, and keeps alive what their addresses point to.
 
     Parameters
     ----------
     instead
-        Kernel -> what stands in for it, of the same parameters.
+        Kernel -> its replacement, with the same parameters.
     """
 
     def __init__(self, instead: Mapping[Any, Any] | None = None) -> None:
         self._instead = instead or {}
         self.kept: list[Packed] = []
-        self.compile_seconds = 0.0  # or to load the methods from the cache
+        self.compile_seconds = 0.0  # [s] to compile the methods, or load them
 
     def pack(self, record: Any, source: str = "") -> Packed:
-        """Pack a record that kernels will be given the address of."""
+        """Pack a record whose address is passed to kernels."""
         packed = pack(record, source)
         self.kept.append(packed)
         return packed
 
     def prepare(self, compiles: Callable[..., None], *arguments: Any) -> None:
-        """Call what compiles kernels that methods need, and count its time."""
+        """Call a function that compiles kernels for the methods, and add its time."""
         started = time.perf_counter()
         compiles(*arguments)
         self.compile_seconds += time.perf_counter() - started

@@ -1,6 +1,6 @@
-"""What may differ from one way of rendering to another, down to the last bit.
+"""`Variant`: what differs bit by bit between normal rendering and a replay of Mitsuba.
 
-The default is `RenderMode`. A replay of Mitsuba's random numbers and roundings is a second
+The default is `RenderMode`. A replay of Mitsuba's random numbers and rounding is a second
 implementation (`renderer.replay`), which only `mode_for` imports.
 """
 
@@ -35,54 +35,54 @@ from renderer.scene.scene import Scene
 
 
 class Variant(Protocol):
-    """One way of rendering."""
+    """Interface of a render mode."""
 
     arithmetic: Any  # see `renderer.plugins.sampling.numbers_and_warps`
-    previous_points: bool  # whether rays keep the exact positions that they come from
-    in_order: bool  # whether the samples of a tile must be drawn one after the other
+    previous_points: bool  # whether rays keep the exact position where they start
+    in_order: bool  # whether the samples of a tile must be drawn sequentially
 
     def of_lights(self, media: bool) -> Any:
-        """Return the arithmetic of lights; `media`: paths go straight on through surfaces.
+        """Return the arithmetic of lights; `media`: rays may pass surfaces unscattered.
 
-        The point that a path comes from is then that where it was scattered last.
+        In that case pdfs are relative to the last scattering event.
         """
 
     def traced(
         self, scene: Scene, plan: Plan, record: Any, sampler: Any
     ) -> tuple[Any, Packed]:
-        """Return the kernel that traces the paths of a tile, and the record it works on.
+        """Return the kernel that traces the paths of a tile, and its record.
 
-        `record` and `sampler` are the kernels' own of the scene and of the numbers.
+        `record` is the kernels' record of the scene, `sampler` that of the random numbers.
         """
 
     def instead(self, plan: Plan) -> Mapping[Any, Any]:
-        """Return the methods of stages that others stand in for: kernel -> the other."""
+        """Return replacements for methods of stages: kernel -> the other one."""
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return the source of random numbers."""
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
-        """Return the surfaces of the scene, more exactly rounded where it matters."""
+        """Return the surfaces of the scene, perhaps with other rounding."""
 
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
-        """Return the table by which a triangle of a mesh light is chosen."""
+        """Return the table that selects a triangle of a mesh light."""
 
     def lights(self, scene: Scene, lights: LightTables) -> LightTables:
-        """Return the lights of the scene, more exactly rounded where it matters."""
+        """Return the lights of the scene, perhaps with other rounding."""
 
     def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
         """Return the constant parameters of BSDFs, (rows, BSDFs)."""
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
-        """Return (kernel, record) of what is done after stages.
+        """Return (kernel, record) of additional methods after stages.
 
-        After camera rays, then after scattering, None for nothing; all others are called
-        after the surface points are found.
+        The first is called after camera rays, the second after scattering (None for
+        nothing), all others after the surface points are computed.
         """
 
 
 class RenderMode:
-    """The renderer's own."""
+    """The mode of normal rendering."""
 
     arithmetic = Plain()
     previous_points = False
@@ -99,38 +99,38 @@ class RenderMode:
         return plan.trace, pack(record)
 
     def instead(self, plan: Plan) -> Mapping[Any, Any]:
-        """Return none."""
+        """Return no replacements."""
         return {}
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
-        """Hash pixel, sample and dimension."""
+        """Return hashed random numbers of pixel, sample and dimension."""
         record = kernel_sampler(plan, seed)
         by_pair = isinstance(record, Sobol) or getattr(record, "multi", None) is not None
         return Sampling(pack(record), draw_film, draw, choose_light, draw_aperture, by_pair)
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
-        """Return them as they are."""
+        """Return the surfaces unchanged."""
         return surfaces
 
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
-        """Choose in constant time."""
+        """Return alias tables: constant time."""
         return alias_tables(count, surfaces, tables)
 
     def lights(self, scene: Scene, lights: LightTables) -> LightTables:
-        """Return them as they are."""
+        """Return the lights unchanged."""
         return lights
 
     def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
-        """Return them as they were read."""
+        """Return the parameters as they were read."""
         return materials.values()
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
-        """Do nothing more."""
+        """Return no additional methods."""
         return [(None, None)] * 2
 
 
 def kernel_sampler(plan: Plan, seed: int) -> Any:
-    """Return the sampler's record; the file's own seed and the render's are mixed."""
+    """Return the sampler's record; its seed mixes the file's and the render's seed."""
     mixed = int(np.random.SeedSequence([plan.sampler.seed, seed]).generate_state(1)[0])
     name = plan.sampler.name
     if name == "independent":
@@ -143,7 +143,7 @@ def kernel_sampler(plan: Plan, seed: int) -> Any:
 
 
 def mode_for(plan: Plan, measured_camera: Sequence[float] | None) -> Variant:
-    """Return the way of rendering of a plan; `measured_camera` is for a replay."""
+    """Return the mode for a plan; `measured_camera` is only used by a replay."""
     if not plan.replay:
         return RenderMode()
     from renderer.replay.replay_mode import Replayed

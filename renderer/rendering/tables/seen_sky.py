@@ -1,8 +1,8 @@
-"""Rays that find what each place sees of an environment, before a render begins.
+"""Traces rays before a render to find the visibility of an environment by position.
 
-Paths that bounce in all directions give the places: those that the camera sees, and those
-that light them. Then one ray from each cell of a grid around them looks at each part of the
-sky. What neighbouring cells and parts find is averaged.
+Paths with uniformly random bounces give positions: those that the camera sees, and those
+that illuminate them. Then one ray from each cell of a grid around them tests each part of
+the sky. The results are averaged over neighbouring cells and parts.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from renderer.plugins.lights.sunsky import SunSkies
 from renderer.scene.scene import Scene
 
 MOST_SEEN = 0.25
-"""Of what the sky gives. Where more of it is seen, such samples would gain little."""
+"""Fraction of the sky's light. If more is visible, such samples would gain little."""
 _PATHS, _BOUNCES = 4 * CAPACITY, 3
 _MOST_CELLS = 1024
 _FINEST = 32  # cells along the longest side of the grid
-_FEW = 0.02  # of all places may lie outside of the grid on each side
-_BACK = np.float32(1e-3)  # of the usual way from the camera rays start before a surface
-# Behind a pane a ray starts this part of its way farther on, and of the coordinates there
+_FEW = 0.02  # fraction of the positions that may lie outside of the grid on each side
+_BACK = np.float32(1e-3)  # offset before a surface, relative to the median distance
+# Behind a pane a ray starts at this fraction of its length, and of the coordinates there
 _BEHIND, _ROUNDING = np.float32(1e-4), np.float32(4e-7)
-_MOST_PANES = 15  # on the way of a ray
+_MOST_PANES = 15  # panes that a ray passes at most
 _RAYS_TO_SUN = 8
 
 Sky = EnvironmentMaps | SunSkies
 
 
 class _Tracer(NamedTuple):
-    """What traces the rays."""
+    """The scene for tracing visibility rays."""
 
-    groups: NDArray[np.int64]  # of primitives, see `KernelScene`
+    groups: NDArray[np.int64]  # methods of the primitives, see `KernelScene`
     work: Workspace
     packed: Packed  # the same
     see_through: NDArray[np.bool_]  # (primitives,) by id
@@ -58,21 +58,21 @@ def seen_sky(
     sky: Sky,
     through_panes: bool,
 ) -> Sky:
-    """Return an environment with what each place sees of it.
+    """Return an environment with the visibility of its parts by position.
 
     Parameters
     ----------
     scene : Scene
-        What blocks it.
+        The scene that occludes it.
     sensor, groups : ndarray
         Methods of the camera and of the primitives.
     sky : EnvironmentMaps or SunSkies
         The environment.
     through_panes : bool
-        Up to `_MOST_PANES` surfaces of panes block nothing.
+        Whether rays pass up to `_MOST_PANES` surfaces of panes.
     """
     levels, gives = parts_of_sky(sky.warp)
-    patches = 2 ** (len(sky.warp.start) - levels)  # of a part, along each side
+    patches = 2 ** (len(sky.warp.start) - levels)  # along each side of a part
     rng = np.random.Generator(np.random.PCG64(0))
 
     def towards(parts: NDArray[np.int64]) -> Floats:
@@ -88,7 +88,7 @@ def seen_sky(
     if places.shape[1] == 0:
         return sky
     parts = np.flatnonzero(gives)
-    # first a look at parts in proportion to what they give
+    # first test some parts, sampled in proportion to their light
     some = rng.choice(parts, _PATHS, p=gives.ravel()[parts])
     looking = places[:, rng.integers(0, places.shape[1], _PATHS)]
     if _see(tracer, looking, towards(some)).mean() > MOST_SEEN:
@@ -121,7 +121,7 @@ def seen_sky(
 def _places(
     scene: Scene, sensor: NDArray[np.int64], tracer: _Tracer, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Return points (3, n) a little before what paths of random bounces meet."""
+    """Return points (3, n) slightly before the hits of paths with random bounces."""
     film, work = scene.description.camera.film, tracer.work
     tile = Tile(0, 0, TILE_SIZE, TILE_SIZE, film.width)
     count = 0
@@ -139,7 +139,7 @@ def _places(
         t = work.hits.t[:count][met]
         if not found and t.size:
             back = _BACK * np.median(t)
-        # half of the way at least: where a ray goes back into its surface at once
+        # at least half of the distance: some rays hit their own surface at once
         t = np.maximum(t - back, np.float32(0.5) * t)
         found.append(rays.origin[:, :count][:, met] + t * rays.direction[:, :count][:, met])
         count = len(t)
@@ -156,7 +156,7 @@ def _on_sphere(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
 
 
 def _cells(places: NDArray[np.float32]) -> tuple[Cells, NDArray[np.int64]]:
-    """Return a grid around most of the places, and the row of each of them."""
+    """Return a grid around most of the positions, and the row of each position."""
     low, high = np.quantile(places.astype(np.float64), [_FEW, 1.0 - _FEW], axis=1)
     extent = high - low
     extent = np.maximum(extent, 1e-6 * max(np.abs([low, high]).max(), extent.max(), 1e-30))
@@ -179,7 +179,7 @@ def _cells(places: NDArray[np.float32]) -> tuple[Cells, NDArray[np.int64]]:
 def _see(
     tracer: _Tracer, places: NDArray[np.float32], directions: NDArray[np.floating[Any]]
 ) -> NDArray[np.bool_]:
-    """Return whether the sky is seen from each of at most `_PATHS` places (3, n)."""
+    """Return whether the sky is visible from each of at most `_PATHS` points (3, n)."""
     rays, hits = tracer.work.rays, tracer.work.hits
     seen = np.zeros(directions.shape[1], bool)
     waiting, origin, directions = (
@@ -203,17 +203,17 @@ def _see(
 
 
 def _over_parts(seen: Floats, gives: Floats) -> Floats:
-    """Return means over neighbouring parts of the sky that give anything."""
+    """Return averages over neighbouring parts of the sky that emit light."""
     weight = np.broadcast_to(gives > 0.0, seen.shape).astype(np.float64)
     total = seen * weight
-    columns = int(np.flatnonzero(gives.any(axis=0)).max()) + 1  # a circle
+    columns = int(np.flatnonzero(gives.any(axis=0)).max()) + 1  # periodic
     for axis, size, mode in ((2, columns, "wrap"), (1, gives.shape[0], "constant")):
         total, weight = (_blurred(x, axis, size, mode) for x in (total, weight))
     return np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
 
 
 def _blurred(x: Floats, axis: int, size: int, mode: Any) -> Floats:
-    """Return means of neighbours among the first `size` along an axis, by 1, 2 and 1."""
+    """Return averages of the first `size` entries along an axis, weights 1, 2, 1."""
     x = np.moveaxis(x.copy(), axis, 0)
     around = np.pad(x[:size], [(1, 1), (0, 0), (0, 0)], mode=mode)
     x[:size] = 0.25 * (around[:-2] + around[2:]) + 0.5 * x[:size]
@@ -221,7 +221,7 @@ def _blurred(x: Floats, axis: int, size: int, mode: Any) -> Floats:
 
 
 def _over_cells(seen: Floats, cells: Cells) -> Floats:
-    """Return means over neighbouring cells; the first axis is that of the cells."""
+    """Return averages over neighbouring cells; the first axis of `seen` is the cells."""
     rows = cells.row.reshape(cells.size[::-1])
     total, weight = 2.0 * seen, np.full(len(seen), 2.0)
     around = np.pad(rows, 1)

@@ -1,1 +1,1 @@
-"""Mistakes in a user's kernels: found before large kernels are compiled, said in a line."""
+"""Finds errors in a user's kernels before large kernels are compiled; one line for each."""

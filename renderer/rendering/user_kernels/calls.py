@@ -1,4 +1,4 @@
-"""Calls and operators that lanes, vectors and masks have not, and what to write instead."""
+"""Calls and operators that lanes, vectors and masks do not support, and alternatives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from renderer.rendering.user_kernels.remedies import (
 
 
 def without_truth(found: Mistake) -> str:
-    """Look for `if`, `and`, `not`, ...: they need one truth value of sixteen."""
+    """Detect `if`, `and`, `not`, ...: lanes have sixteen truth values, not one."""
     _, name, arguments = found.call_without_meaning()
     lanes = "Mask(" in arguments or "Lanes(" in arguments
     if name not in ("bool", "truth", "not_") or not lanes:
@@ -50,7 +50,7 @@ def _in_test(found: Mistake, node: Any) -> bool:
 
 
 def without_meaning(found: Mistake) -> str:
-    """Look for functions of Python, `math` or NumPy, and operators, that lanes lack."""
+    """Detect functions of Python, `math` or NumPy, and operators, that lanes lack."""
     function, name, arguments = found.call_without_meaning()
     if not name:
         return ""
@@ -72,13 +72,13 @@ def without_meaning(found: Mistake) -> str:
 
 
 def _is_called(found: Mistake, name: str) -> bool:
-    """Return whether the line has a call by this name, as `pow(x, 2)` and not `x ** 2`."""
+    """Return whether the line has a call with this name: `pow(x, 2)`, but not `x ** 2`."""
     called = [call.func for call in found.has(ast.Call)]
     return name in [getattr(c, "id", getattr(c, "attr", "")) for c in called]
 
 
 def _of_the_lanes(found: Mistake, arguments: str) -> str:
-    """Quote a function of `lanes.functions`, which says what it cannot do."""
+    """Return the message of `lanes.functions` for arguments that it does not support."""
     after = found.text[found.text.index("No implementation of function") :]
     said = re.search(r"TypingError: (.+)", after)
     what = in_words(said[1]) if said else f"it does not take {joined_words(arguments)}"

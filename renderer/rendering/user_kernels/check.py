@@ -1,8 +1,8 @@
-"""Compile each kernel of a user's BSDF by itself, and check what it returns.
+"""Compiles each kernel of a user's BSDF separately, and checks its result type.
 
-It is done before the large kernels that call them are compiled, with the very types that
-these give them. So nothing is compiled twice, and a mistake is told from the user's file
-alone. The renderer's own kinds are not looked at.
+This is done before the large kernels that call them are compiled, with the same argument
+types. So nothing is compiled twice, and an error is reported with a line of the user's
+file. The renderer's own kinds are not checked.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from renderer.scene.materials import MaterialTables, is_textured, kind_of, value
 
 LANES, VECTOR, LOBES = f32x16, Vec3Type(f32x16), i32x16
 _BRANCH = (Branch, {"weight": VECTOR, "share": LANES, "cos_t": LANES, "eta": LANES})
-# of each kernel: the class of what it returns, and the types of its fields
+# kernel -> class of its result, and the types of the fields
 _RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
     "sample": (
         BsdfSample,
@@ -43,24 +43,24 @@ _RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
     "albedo": (Vec3Type, {}),
 }
 
-# kind -> the types of arithmetic that its kernels have been checked with
+# kind -> types of arithmetic with which its kernels have passed
 _PASSED: WeakKeyDictionary[BsdfKind, set[Any]] = WeakKeyDictionary()
 
 
 def check_kernels_of_users(kinds: Iterable[BsdfKind], arithmetic: Any) -> None:
-    """Check the kernels of all kinds that are not the renderer's own.
+    """Check the kernels of all kinds that a user has registered.
 
     Parameters
     ----------
     kinds
-        Of a scene, with what is inside of them.
+        The kinds of a scene, including nested ones.
     arithmetic
-        The record that they are given, see `renderer.plugins.sampling.numbers_and_warps`.
+        The record passed to them, see `renderer.plugins.sampling.numbers_and_warps`.
 
     Raises
     ------
     PluginError
-        For the first mistake: file, line, what is wrong, and what to write instead.
+        For the first error: file, line, what is wrong, and an alternative.
     """
     for kind in kinds:
         rounded = along_u(arithmetic) if kind.oriented else arithmetic
@@ -72,15 +72,15 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind], arithmetic: Any) -> None:
 
 
 def check_values_of_users(materials: MaterialTables) -> None:
-    """Refuse a BSDF of a user whose kernels return NaN with the parameters of a scene.
+    """Refuse a user's BSDF whose kernels return NaN with the parameters of a scene.
 
-    NaN is neither above 0 nor below: the stages would drop such light without a word. What
-    is inside of other BSDFs is not looked at; of a textured parameter it is the value 0.5.
+    NaN is neither above 0 nor below: the stages would silently drop such light. Nested
+    BSDFs are not checked. A textured parameter is replaced by 0.5.
 
     Raises
     ------
     PluginError
-        With the function that returns NaN.
+        Names the function that returns NaN.
     """
     constant = materials.values()
     for k, bsdf in enumerate(materials.bsdfs):
@@ -98,15 +98,15 @@ def check_values_of_users(materials: MaterialTables) -> None:
 
 
 def blame_users(error: Exception, kinds: Iterable[BsdfKind]) -> None:
-    """Say which BSDFs of users a scene has whose kernels raised, or cannot be compiled.
+    """Raise an error that names a scene's user BSDFs, after an exception in a kernel.
 
-    The renderer's own kernels raise nothing. A user's do where a tuple is indexed beyond
-    its end; compiled code does not say in which line.
+    The renderer's own kernels raise nothing. A user's kernel raises if it indexes a tuple
+    out of range; compiled code does not know the line.
 
     Raises
     ------
     PluginError
-        If there are such BSDFs.
+        If the scene has such BSDFs.
     """
     users = {leaf.name: leaf for kind in kinds for leaf in _users(kind)}
     if users:
@@ -117,7 +117,7 @@ def blame_users(error: Exception, kinds: Iterable[BsdfKind]) -> None:
 
 
 def _users(kind: BsdfKind) -> list[BsdfKind]:
-    """Return the kinds, of those in a structure, that are not the renderer's own."""
+    """Return the users' kinds in a kind and its nested ones."""
     return [leaf for leaf in kind.leaves if leaf.source]
 
 
@@ -151,25 +151,25 @@ def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
 
 
 def _no_lobe(returned: Any, kind: BsdfKind) -> bool:
-    """Return whether a sample names no lobe, and nothing else tells which are delta."""
+    """Return whether a sample lacks its lobe although the kind needs it."""
     old_form = {"reflection", "transmission"} & dict(kind.users_kernels).keys()
     return not old_form and returned.types[-1] != LOBES
 
 
 def _compiled(kernel: Any, signature: tuple[Any, ...]) -> Any:
-    """Compile a kernel, or load it from the cache; return the type that it returns."""
+    """Compile a kernel, or load it from the cache; return its result type."""
     try:
         kernel.compile(signature)
         return kernel.overloads[signature].signature.return_type
-    except Exception as error:  # Numba raises errors of many classes, Python's as well
+    except Exception as error:  # Numba raises many classes of errors, also Python's
         raise explain(error, kernel) from error
 
 
-# ---------------------------------------------------------------- what a kernel returns
+# --------------------------------------------------------------- results of a kernel
 
 
 def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, str] | None:
-    """Return the number of the field that is wrong (-1: all) and in what way; or None."""
+    """Return the number of the wrong field (-1: all) and the error; None if correct."""
     may_be_left_out = "lobe"
     needed = f"({', '.join(name for name in fields if name != may_be_left_out)})"
     if cls is not tuple:
@@ -197,7 +197,7 @@ def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, s
 
 
 def _unlike(found: Any, expected: Any) -> str:
-    """Return in what a type is not the one that is expected, and the remedy; "" if it is.
+    """Return how a type differs from the expected one, and the remedy; "" if equal.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def _short(found: Any) -> str:
 
 
 def _place_of_return(kernel: Any, number: int) -> str:
-    """Return the line of the last `return`, or of the part of it with this number."""
+    """Return the line of the last `return`, or of its element with this number."""
     function = kernel.py_func
     tree = tree_of(function)
     returns = [n for n in ast.walk(tree) if isinstance(n, ast.Return)] if tree else []

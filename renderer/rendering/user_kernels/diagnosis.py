@@ -1,7 +1,7 @@
-"""From what Numba raises about a user's kernel to one line: place, what is wrong, remedy.
+"""Turns Numba's errors in a user's kernel into one line: place, error, remedy.
 
-A rule looks at one class of mistakes and returns what to say, or nothing. What no rule
-knows is said in the words of Numba's message that name the cause.
+Each rule detects one class of errors and returns a message, or nothing. If no rule applies,
+the message has the part of Numba's message that names the cause.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _FIELD = re.compile(r"Unknown attribute '(\w+)' of type (.+)")
 
 
 def explain(error: BaseException, kernel: Any) -> PluginError:
-    """Return what a failed compilation of a user's kernel means to its author.
+    """Return the error of a failed compilation, in terms of the user's kernel.
 
     Parameters
     ----------
     error
-        Numba's, or whatever else was raised while it compiled.
+        Raised by Numba, or by anything else during compilation.
     kernel
-        What was compiled; the mistake may be in another one that it calls.
+        The kernel that was compiled; the error may be in another one that it calls.
     """
     if isinstance(error, PluginError):
         return error
@@ -39,7 +39,7 @@ def explain(error: BaseException, kernel: Any) -> PluginError:
     try:
         found = Mistake(error, kernel)
         said = next((what for rule in _RULES if (what := rule(found))), said)
-    except Exception:  # messages of another version of Numba must not hide the error
+    except Exception:  # a rule may fail for messages of another version of Numba
         return PluginError(f"{kernel.__name__}: {said}", definition_of(kernel))
     return PluginError(f"{found.name}: {said}", found.place)
 
@@ -79,7 +79,7 @@ def _field(found: Mistake) -> str:
 
 
 def _inside(found: Mistake) -> str:
-    """Look for a kernel of the renderer's that cannot be compiled for its arguments."""
+    """Detect a kernel of the renderer that cannot be compiled for its arguments."""
     called = found.called_kernel()
     if not called:
         return ""
@@ -127,7 +127,7 @@ def _outer_name(found: Mistake) -> str:
 
 
 def _arguments(found: Mistake) -> str:
-    """Look for a call with too few, too many or unknown arguments."""
+    """Detect a call with too few, too many or unknown arguments."""
     said = re.search(
         r"(missing a required .*|too many (?:positional|keyword) .*|"
         r"got an unexpected keyword .*|multiple values for .*|missing \d+ required .*|"
@@ -167,7 +167,7 @@ def _signature_of(called: Any) -> inspect.Signature:
         raise ValueError
     signature = inspect.signature(getattr(called, "py_func", called))
     parameters = list(signature.parameters.values())
-    if parameters and parameters[0].name == "typingctx":  # Numba's own, of an intrinsic
+    if parameters and parameters[0].name == "typingctx":  # first parameter of an intrinsic
         return signature.replace(parameters=parameters[1:])
     return signature
 
@@ -180,7 +180,7 @@ def _parameters_of(called: Any) -> str:
 
 
 def _branches(found: Mistake) -> str:
-    """Look for a name, or a result, that has two types."""
+    """Detect a name, or a result, with two types."""
     if "Can't unify return type" in found.text:
         returned = re.findall(
             r"Return of: .*?, type '(.+)', location:\s+File .*?, line (\d+)", found.text
@@ -250,7 +250,7 @@ _RULES = (
 
 
 def _names_in_lanes() -> dict[str, Any]:
-    """Return the functions that kernels have on lanes and vectors, by name."""
+    """Return the functions on lanes and vectors, by name."""
     return {
         name: value
         for module in MODULES

@@ -1,6 +1,6 @@
-"""`Mistake`: an error of Numba in a user's kernel, with its place and in plain words.
+"""`Mistake`: an error of Numba in a user's kernel, with its place and plain words.
 
-Numba's types and messages in the words of the walk-through.
+Numba's names of types and its messages are replaced by the terms of the tutorial.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from renderer.process.source_places import definition_of, is_users_file, shown_p
 from renderer.rendering.user_kernels.statements import names_in, tree_of
 
 _NUMBER = r"(?:float|u?int)(?:8|16|32|64)"
-# in this order: the inner types of a vector or tuple before these
+# applied in this order: inner types before the vectors and tuples that contain them
 _WORDS = (
     (r"Record\.(\w+)\.\w+", r"\1"),
     (r"Function\(<class '(\w+)'>\)", r"\1"),
@@ -48,7 +48,7 @@ _WORDS = (
 
 
 def in_words(text: Any) -> str:
-    """Return a message of Numba's, or the name of one of its types, in plain words."""
+    """Return a message or a type name of Numba in plain words."""
     said = str(text)
     for pattern, words in _WORDS:
         said = re.sub(pattern, words, said)
@@ -56,7 +56,7 @@ def in_words(text: Any) -> str:
 
 
 def arguments_of(text: str) -> list[str]:
-    """Return the arguments in "a, f(b, c)", one by one."""
+    """Return the arguments in "a, f(b, c)" as a list."""
     parts, depth = [""], 0
     for letter in text:
         depth += (letter == "(") - (letter == ")")
@@ -72,7 +72,7 @@ _CLASS = re.compile(rf"^(?!(?:{_OURS})\b)([A-Z]\w*)\(.*\)$")  # a NamedTuple's f
 
 
 def joined_words(text: str) -> str:
-    """Return the types of some arguments in plain words, the last after "and"."""
+    """Return the types of some arguments in plain words, with "and" before the last."""
     words = [in_words(_CLASS.sub(r"\1", part)) for part in arguments_of(text)]
     if len(words) < 2:
         return "".join(words) or "nothing"
@@ -86,7 +86,7 @@ _NOISE = re.compile(
 
 
 def core_of(text: str, most: int = 240) -> str:
-    """Return the first line of a message that says what is wrong, in plain words."""
+    """Return the first line of a message that names the cause, in plain words."""
     lines = (line.strip() for line in text.splitlines())
     said = next((line for line in lines if line and not _NOISE.match(line)), "")
     said = re.sub(r"\. Raised from .*$| at 0x[0-9a-f]+", "", said)
@@ -95,12 +95,12 @@ def core_of(text: str, most: int = 240) -> str:
 
 
 # ------------------------------------------------------------------------------ mistake
-# A mistake in a user's kernel: its place, and what stands there.
+# An error in a user's kernel: its place, and the code there.
 #
-# Numba's message quotes what it was compiling, from the inside out. The first place in it
-# that lies in a file of the user's is the mistake: what is further in is ours or Numba's
-# and was called with something wrong. Some errors have no place: theirs is in the
-# traceback, in the statement that the compiler was working on.
+# Numba's message quotes what it was compiling, from the innermost call outwards. The first
+# place in a file of the user is the error: inner places are in the renderer or in Numba,
+# called with wrong arguments. Some errors have no place in the message; it is then in the
+# traceback, in the statement that was being compiled.
 
 _PLACES = re.compile(
     r"\b(?:at|from) (\S.*?\.py|<[^>]+>) \((\d+)\)|File \"(.+?)\", line (\d+):"
@@ -111,31 +111,31 @@ _NO_MEANING = re.compile(
 
 
 class Mistake:
-    """An error of a compilation with its place in the user's file.
+    """A compilation error with its place in the user's file.
 
     Parameters
     ----------
     error
-        Numba's, or whatever else was raised while it compiled.
+        Raised by Numba, or by anything else during compilation.
     kernel
-        What was compiled; the mistake may be in another one that it calls.
+        The kernel that was compiled; the error may be in another one that it calls.
 
     Attributes
     ----------
     text : str
         The message.
     place : str
-        "FILE:LINE" of the user's.
+        "FILE:LINE" in the user's file.
     function, name
-        The function with the mistake; the kernel that was compiled, if it is not known.
+        The function with the error; the compiled kernel if it is unknown.
     nodes : list
-        The nodes of its syntax tree that are in the line.
+        The nodes of its syntax tree in that line.
     """
 
     def __init__(self, error: BaseException, kernel: Any) -> None:
         self.error, self.kernel = error, kernel
         self.nodes: list[ast.AST] = []
-        self._at = 0  # where the message names the place
+        self._at = 0  # position in the message where the place is named
         self.text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))  # Numba may colour it
         self.function = kernel.py_func
         self.name = self.function.__name__
@@ -151,7 +151,7 @@ class Mistake:
             (match[1] or os.path.abspath(match[3]), int(match[2] or match[4]), match)
             for match in _PLACES.finditer(self.text)
         ]
-        if "Can't unify return type" in self.text:  # in no order: it is from a set
+        if "Can't unify return type" in self.text:  # these places are in random order
             places.sort(key=operator.itemgetter(1))
         for filename, line, match in places:
             if self._is_ours_to_name(filename):
@@ -169,7 +169,7 @@ class Mistake:
         return filename == self.function.__code__.co_filename or is_users_file(filename)
 
     def _look_around(self, filename: str, line: int) -> None:
-        """Find the function that a line is in, and the nodes of its syntax tree there."""
+        """Find the function that contains a line, and its syntax nodes there."""
         tree: ast.AST | None = tree_of(self.function)
         if not _is_in(self.function, filename, line):
             outer = [
@@ -188,15 +188,15 @@ class Mistake:
             self.nodes = [n for n in within if n.lineno <= line <= (n.end_lineno or 0)]
 
     def has(self, *kinds: type[ast.AST]) -> list[Any]:
-        """Return the nodes of some kinds."""
+        """Return the nodes of some types."""
         return [node for node in self.nodes if isinstance(node, kinds)]
 
     def call_without_meaning(self) -> tuple[str, str, str]:
-        """Return (function, name, arguments) of the call that Numba found no meaning of."""
+        """Return (function, name, arguments) of the call that Numba could not resolve."""
         matches = list(_NO_MEANING.finditer(self.text))
         if not matches:
             return "", "", ""
-        # what is quoted within a message, as that of an overload, is indented
+        # messages quoted within a message, such as those of overloads, are indented
         depth = self._depth(self._at)
         before = [m for m in matches if m.start() < self._at]
         level = [m for m in before if self._depth(m.start()) == depth]
@@ -216,13 +216,13 @@ class Mistake:
         return None
 
     def called_kernel(self) -> str:
-        """Return which kernel the named line calls, if the mistake shows inside of it."""
+        """Return the kernel that the line calls, if the error is inside of it."""
         before = self.text[: self._at]
         names = re.findall(r"callee type: type\(CPUDispatcher\(<function (\w+)", before)
         return f"the kernel {names[-1]}" if names else ""
 
     def _depth(self, at: int) -> int:
-        """Return how far the line at a position of the message is indented."""
+        """Return the indentation of the line at a position of the message."""
         line = self.text[self.text.rfind("\n", 0, at) + 1 :]
         return len(line) - len(line.lstrip(" "))
 
@@ -242,4 +242,4 @@ def _module_of(filename: str) -> Any:
     for module in list(sys.modules.values()):
         if getattr(module, "__file__", None) == filename:
             return module
-    return ast  # none of whose functions is the user's
+    return ast  # a module without functions of the user

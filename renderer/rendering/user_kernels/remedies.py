@@ -1,4 +1,4 @@
-"""What to write in a kernel in the place of what Python and NumPy have for one number."""
+"""Replacements in kernels for functions of Python and NumPy on single numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ MATHEMATICS = "renderer.kernels.lanes.mathematics"
 VECTORS = "renderer.kernels.lanes.vectors"
 MODULES = (FUNCTIONS, VECTORS, MATHEMATICS)
 
-# name in Python, `math` or NumPy -> what to write, and the module that its name is from
+# name in Python, `math` or NumPy -> replacement, and the module that defines it
 INSTEAD: dict[str, tuple[str, str]] = {
     "max": ("maximum(a, b)", FUNCTIONS),
     "fmax": ("maximum(a, b)", FUNCTIONS),
@@ -86,7 +86,7 @@ INSTEAD: dict[str, tuple[str, str]] = {
     "cross": ("cross(a, b)", VECTORS),
     "norm": ("length(a)", VECTORS),
 }
-# name -> why there is nothing to write in its place
+# name -> why there is no replacement
 IN_VAIN = {
     "range": "a loop runs over a whole number that all lanes share",
     "isinstance": "the types of a kernel are fixed",
@@ -100,7 +100,7 @@ IN_VAIN |= dict.fromkeys(
     "a kernel makes no arrays; use names, tuples and vec3 for values",
 )
 
-# operator -> how it is written
+# operator -> its symbol
 SYMBOLS = {
     "add": "+",
     "sub": "-",
@@ -138,7 +138,7 @@ COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
 def instead_of(name: str) -> str:
-    """Return what to write in the place of a function of Python's; "" if not known."""
+    """Return the replacement for a function of Python; "" if unknown."""
     if name in IN_VAIN:
         return IN_VAIN[name]
     write, module = INSTEAD.get(name, ("", ""))

@@ -1,8 +1,8 @@
-"""What Python has and kernels have not, found in the text of a user's kernels.
+"""Finds statements of Python that kernels do not support, in the source of a kernel.
 
-Numba compiles some of it silently, to something else than Python means: `print` of lanes
-hangs, `raise` ends the render without a line of the file, NumPy's random numbers have no
-seed of the render's. Of the rest its errors name no line, or its own byte code.
+Numba silently compiles some of them to something different: `print` of lanes hangs, `raise`
+ends the render without a line of the file, and NumPy's random numbers ignore the seed of
+the render. For the others its errors name no line, or refer to byte code.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ _RANDOM = (
 
 
 def check_statements(kernel: Any, callers: tuple[Any, ...] = ()) -> None:
-    """Refuse what no kernel can have, in one and in all of the user's that it calls.
+    """Refuse unsupported statements in a kernel and in the user's kernels that it calls.
 
     Raises
     ------
     PluginError
-        With the line.
+        Names the line.
     """
     function = kernel.py_func
     tree = tree_of(function)
@@ -99,7 +99,7 @@ def check_statements(kernel: Any, callers: tuple[Any, ...] = ()) -> None:
 
 
 def _called_in_vain(node: ast.AST, function: Any) -> str:
-    """Return what is wrong with a call of Python's that compiles to something else."""
+    """Return the error of a call whose compiled form differs from Python's."""
     if not isinstance(node, ast.Call):
         return ""
     called = resolve(node.func, function)
@@ -115,12 +115,12 @@ def _called_in_vain(node: ast.AST, function: Any) -> str:
 
 
 def tree_of(function: Any) -> ast.AST | None:
-    """Return the syntax tree of a function, with the lines of its file; None without it."""
+    """Return the syntax tree of a function with its file's lines; None without file."""
     linecache.checkcache(function.__code__.co_filename)
     try:
         lines, first = inspect.getsourcelines(function)
         tree = ast.parse(textwrap.dedent("".join(lines)))
-    except (OSError, SyntaxError, TypeError):  # written at a prompt, or a lambda
+    except (OSError, SyntaxError, TypeError):  # defined at a prompt, or a lambda
         return None
     ast.increment_lineno(tree, max(first, 1) - 1)
     return next(
@@ -129,7 +129,7 @@ def tree_of(function: Any) -> ast.AST | None:
 
 
 def resolve(node: ast.AST, function: Any) -> Any:
-    """Return what a name, or a name in a module, means in a function; None if unknown."""
+    """Return the value of a name or attribute in a function; None if unknown."""
     if isinstance(node, ast.Name):
         return names_in(function).get(node.id)
     if isinstance(node, ast.Attribute):
@@ -140,13 +140,13 @@ def resolve(node: ast.AST, function: Any) -> Any:
 
 
 def names_in(function: Any) -> dict[str, Any]:
-    """Return the names that a function can see outside of itself."""
+    """Return the global and closure names of a function."""
     outer = inspect.getclosurevars(function).nonlocals
     return {**vars(builtins), **function.__globals__, **outer}
 
 
 def _kernels_called(function: Any) -> Iterator[Any]:
-    """Yield the user's kernels that a function names."""
+    """Yield the user's kernels that a function refers to."""
     tree = tree_of(function)
     found = [] if tree is None else [resolve(node, function) for node in ast.walk(tree)]
     for kernel in dict.fromkeys(k for k in found if hasattr(k, "py_func")):

@@ -1,1 +1,1 @@
-"""Pictures of a render that is under way: a page, tev, a notebook."""
+"""Displays a picture during its render: a web page, tev, a notebook."""

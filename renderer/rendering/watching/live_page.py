@@ -1,14 +1,14 @@
-"""`--view`: a page in the browser that shows a picture while it is rendered.
+"""`--view`: a page in the browser that shows a picture during its render.
 
-The server listens on 127.0.0.1 alone. Whatever else runs on the machine, such as a page of
-another site in the same browser, must know the random token of the address; and the
-request must name this server as its host, so that a name of another site which leads here
-(DNS rebinding) opens nothing. Everything else is answered by 404.
+The server listens on 127.0.0.1 only. Other programs on the machine, such as a page of
+another site in the same browser, lack the random token of the address. A request must also
+name this server as its host, so that a foreign host name that resolves to 127.0.0.1 (DNS
+rebinding) is refused. All other requests are answered by 404.
 
-The page requests the state again and again. The answer comes after a quarter of a second or
-when there is a new picture, which is then requested too. While no page does, no picture is
-developed. The server delays the answers, not the page its requests: a browser slows down
-the timers of a page that is not in front.
+The page polls the state. The answer comes after a quarter of a second, or earlier with a
+new picture, which the page then requests. Without a page no picture is developed. The
+server delays the answers; the page does not delay its requests, since browsers slow down
+the timers of pages in the background.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from renderer.rendering.progress_display import Progress, time_left
 
 PAGE = Path(__file__).with_name("page.html")
 HOST = "127.0.0.1"
-EVERY = 0.25  # [s] between two pictures, at least
-SHARE = 0.05  # of the time that pictures may take, at most
+EVERY = 0.25  # [s] minimum interval between two pictures
+SHARE = 0.05  # maximum fraction of the render time spent on pictures
 LOOKS_FOR = 3.0  # [s] after its last request a page counts as closed
-PATIENCE = 10.0  # [s] that a finished picture waits for a page that shows it
-BRIEF = 1.0  # [s] that one waits after Ctrl-C
+PATIENCE = 10.0  # [s] to wait for a page to fetch the finished picture
+BRIEF = 1.0  # [s] to wait after Ctrl-C
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",  # the address has the token
+    "Referrer-Policy": "no-referrer",  # the address contains the token
     "X-Content-Type-Options": "nosniff",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; "
@@ -53,46 +53,46 @@ class Layer(NamedTuple):
     """The picture, or an AOV."""
 
     name: str
-    kind: str  # "color", or that of the AOV
+    kind: str  # "color", or the kind of the AOV
     values: NDArray[np.float32]  # (height, width, channels)
 
 
 class Snapshot(NamedTuple):
-    """What the page may request; replaced as a whole, never changed."""
+    """The state that the page requests; replaced as a whole, never changed."""
 
     version: int
     layers: tuple[Layer, ...]
 
 
 class LivePage:
-    """A page that shows each `Progress` it is called with; a context manager.
+    """Page that shows each `Progress` that the object is called with; a context manager.
 
     Parameters
     ----------
     title
-        Of the page, such as the name of the scene.
+        Title of the page, such as the name of the scene.
 
     Attributes
     ----------
     address : str
-        Of the page, with the token.
+        Address of the page, with the token.
 
     Raises
     ------
     SceneError
-        If the system gives no port.
+        If no port is available.
     """
 
     def __init__(self, title: str = "") -> None:
         self._token = secrets.token_urlsafe(16)
         self._snapshot = Snapshot(0, ())
-        self._shape: tuple[int, ...] = ()  # of its picture
+        self._shape: tuple[int, ...] = ()  # of the picture
         self._state: dict[str, Any] = {"stage": "start"}
         self._title = title
         self._last_look = float("-inf")
         self._news = threading.Event()
-        self._had = 0  # the last version that a page has drawn
-        self._delivered = threading.Event()  # a page has all of the finished picture
+        self._had = 0  # the last version that a page has received
+        self._delivered = threading.Event()  # a page has the whole finished picture
         self._over = False
         self._next_picture = 0.0
         try:
@@ -106,11 +106,11 @@ class LivePage:
 
     @property
     def port(self) -> int:
-        """The number that the system has chosen."""
+        """Port number, chosen by the operating system."""
         return int(self._server.server_address[1])
 
     def __enter__(self) -> Self:
-        """Begin to answer."""
+        """Start the server."""
         threading.Thread(
             target=self._server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True
         ).start()
@@ -129,7 +129,7 @@ class LivePage:
     # ------------------------------------------------------------- from the render
 
     def __call__(self, now: Progress) -> None:
-        """Tell the page where the render is; develop the picture if a page waits for it."""
+        """Send the progress to the page; develop the picture if a page waits for it."""
         self._state = {
             "stage": now.stage,
             "done": now.done,
@@ -153,10 +153,10 @@ class LivePage:
         Parameters
         ----------
         image
-            What `render` has returned.
+            The result of `render`.
         patience
-            Seconds to wait for a page that has not been opened yet; for one that is open
-            they are enough to fetch the picture.
+            Seconds to wait for a page that has not been opened yet, or for an open page to
+            fetch the picture.
         """
         self._state |= {
             "stage": "finished" if image.complete else "interrupted",
@@ -166,7 +166,7 @@ class LivePage:
             "samples": image.samples_text,
         }
         self._put(image.pixels, image.aovs, image.aov_kinds)
-        self._over = True  # after the picture: the page fetches all layers of the last one
+        self._over = True  # set after the picture: the page fetches all its layers
         self._news.set()
         if self.is_watched or not self.was_opened:
             self._delivered.wait(patience if image.complete else min(patience, BRIEF))
@@ -178,7 +178,7 @@ class LivePage:
 
     @property
     def was_opened(self) -> bool:
-        """Whether a page has been open."""
+        """Whether a page has been open at any time."""
         return self._last_look > float("-inf")
 
     def _is_waited_for(self) -> bool:
@@ -186,13 +186,13 @@ class LivePage:
 
     def _put(self, pixels: Any, aovs: Any, kinds: Any) -> None:
         layers = [(name, kinds.get(name, ""), values) for name, values in aovs.items()]
-        if not layers or pixels.any():  # black while the AOVs around it are rendered
+        if not layers or pixels.any():  # black while the AOVs of a render are in progress
             layers.insert(0, ("picture", "color", pixels))
         new = {
             name: Layer(name, kind, np.array(values, np.float32))
             for name, kind, values in layers
         }
-        # AOVs are rendered before the colours, and stay
+        # AOVs are rendered before the colours, and are kept
         old = self._snapshot.layers if pixels.shape == self._shape else ()
         kept = {layer.name: layer for layer in old}
         self._shape = pixels.shape
@@ -203,7 +203,7 @@ class LivePage:
     # --------------------------------------------------------------- to the page
 
     def answer(self, host: str, path: str) -> tuple[str, bytes] | None:
-        """Return type and content for a request, or None: there is no such thing."""
+        """Return type and content of the answer to a request; None for 404."""
         begin = f"/{self._token}/"
         path = urlsplit(path).path
         right = hmac.compare_digest(path[: len(begin)].encode(), begin.encode())
@@ -224,7 +224,8 @@ class LivePage:
                 values = snapshot.layers[int(number)].values
                 return "application/octet-stream", values.astype("<f4").tobytes()
             case ["have", version] if version == str(snapshot.version):
-                # the page has what it shows of this version, and all of the finished one
+                # the page has its displayed layer of this version, or all of the finished
+                # one
                 self._had = snapshot.version
                 if self._over:
                     self._delivered.set()
@@ -232,7 +233,7 @@ class LivePage:
         return None
 
     def _told(self) -> dict[str, Any]:
-        over, snapshot = self._over, self._snapshot  # in this order: see `end`
+        over, snapshot = self._over, self._snapshot  # read in this order: see `end`
         shapes = [
             {"name": layer.name, "kind": layer.kind, "shape": layer.values.shape}
             for layer in snapshot.layers
@@ -242,14 +243,14 @@ class LivePage:
 
 
 def _handler(page: LivePage) -> type[BaseHTTPRequestHandler]:
-    """Return the class that answers for a page."""
+    """Return the request handler class for a page."""
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
-        timeout = 20.0  # [s], so that no thread waits for ever for a silent connection
+        timeout = 20.0  # [s] so that no thread waits forever for a silent connection
 
         def do_GET(self) -> None:
-            # a browser may close the page in the middle of an answer
+            # a browser may close the page during an answer
             with suppress(ConnectionError):
                 self._send()
 
@@ -264,13 +265,13 @@ def _handler(page: LivePage) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(content)
 
         def send_error(self, *_: Any, **__: Any) -> None:
-            """Answer other methods, and what is no HTTP, as what is not found."""
+            """Answer other methods and invalid requests by 404."""
             self.send_response_only(404)
             self.send_header("Content-Length", "0")
             self.send_header("Connection", "close")
             self.end_headers()
 
         def log_message(self, format: str, *arguments: Any) -> None:
-            """Say nothing; standard error has the progress."""
+            """Do nothing: standard error shows the progress."""
 
     return Handler

@@ -1,4 +1,4 @@
-"""`live=True`: a picture in a notebook that is drawn while it is rendered."""
+"""`live=True`: a picture in a notebook that is updated during its render."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from renderer.rendering.picture.image import Image
 from renderer.rendering.progress_display import Progress, is_notebook, shown
 from renderer.rendering.render_options import RenderOptions
 
-EVERY = 1.0  # [s] between two pictures, at least
-SHARE = 0.1  # of the time that pictures may take, at most
+EVERY = 1.0  # [s] minimum interval between two pictures
+SHARE = 0.1  # maximum fraction of the render time spent on pictures
 MISSING = (
     "live=True draws in a Jupyter notebook, and this is none; possible are progress=True "
     "and, on the command line, --view"
@@ -24,12 +24,12 @@ Show = Callable[[Progress], None]
 
 @contextmanager
 def watched(options: RenderOptions) -> Iterator[Show | None]:
-    """Give what is called with the `Progress` of a render, by its options.
+    """Yield the callback for the `Progress` of a render, chosen by its options.
 
     Raises
     ------
     SceneError
-        If a notebook is requested, and there is none.
+        If `live` is requested outside of a notebook.
     """
     if options.live and not is_notebook():
         raise SceneError(MISSING)
@@ -38,21 +38,21 @@ def watched(options: RenderOptions) -> Iterator[Show | None]:
 
 
 class LivePicture:
-    """Draws the picture of each `Progress`, below the cell; the last one stays there.
+    """Shows the picture of each `Progress` below the cell, where the last one stays.
 
     Parameters
     ----------
     show : callable, optional
-        Called with each `Progress` as well.
+        Also called with each `Progress`.
     """
 
     def __init__(self, show: Show | None) -> None:
         self._show = show
-        self._next = 0.0  # [s]
-        self._drawn: Any = None  # IPython's handle of what is displayed
+        self._next = 0.0  # [s] time of the next picture
+        self._drawn: Any = None  # IPython's display handle
 
     def __call__(self, now: Progress) -> None:
-        """Draw the picture if it is time, and when it is whole."""
+        """Show the picture if its time has come, and when it is complete."""
         if self._show is not None:
             self._show(now)
         start = time.monotonic()

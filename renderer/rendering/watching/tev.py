@@ -1,8 +1,8 @@
-"""`--tev`: tiles of a picture that is being rendered, to a running tev.
+"""`--tev`: sends tiles of a picture during its render to a running tev.
 
-tev listens for packets (its `include/tev/Ipc.h`): the length in bytes
-with itself (32 bits), a byte for the kind, and what that kind needs. Numbers are little
-endian, texts end in a zero byte.
+tev receives packets (see its `include/tev/Ipc.h`): the length in bytes, including itself
+(32 bits), a byte for the type, and the content. Numbers are little endian, strings end with
+a zero byte.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from renderer.rendering.picture.image_files import exr_planes
 from renderer.rendering.picture.picture import Picture
 from renderer.rendering.progress_display import Progress
 
-TILE = 64  # pixels on a side of what is compared, and sent where it has changed
-EVERY = 1.0  # [s] between two pictures, at least
-SHARE = 0.05  # of the time that pictures may take, at most
+TILE = 64  # [pixels] side of the tiles that are compared and sent
+EVERY = 1.0  # [s] minimum interval between two pictures
+SHARE = 0.05  # maximum fraction of the render time spent on pictures
 TIMEOUT = 5.0  # [s]
 _CLOSE, _CREATE, _UPDATE = 2, 4, 6
 Planes = dict[str, NDArray[np.float32]]
 
 
 class Tev:
-    """Sends the pictures of the `Progress` that it is called with; a context manager.
+    """Sends the picture of each `Progress` that it is called with; a context manager.
 
     Parameters
     ----------
     host, port
-        Of tev.
+        Address of tev.
     name
-        Of the picture in tev's list.
+        Name of the picture in tev's list.
 
     Raises
     ------
     SceneError
-        If nothing listens there.
+        If the connection fails.
     """
 
     def __init__(self, host: str, port: int, name: str) -> None:
         self._name = name
         self._sent: Planes = {}
         self._shape: tuple[int, ...] = ()
-        self._next = 0.0  # [s]
-        self.trouble = ""  # why nothing is sent any more
+        self._next = 0.0  # [s] time of the next picture
+        self.trouble = ""  # the error after which nothing is sent any more
         try:
             self._socket = socket.create_connection((host, port), timeout=TIMEOUT)
         except OSError as error:
@@ -72,7 +72,7 @@ class Tev:
         self._socket.close()
 
     def __call__(self, now: Progress) -> None:
-        """Send the tiles that have changed, if it is time."""
+        """Send the tiles that have changed, if the time of the next picture has come."""
         start = time.monotonic()
         if self.trouble or now.picture is None or now.done == 0 or start < self._next:
             return
@@ -130,8 +130,8 @@ class Tev:
             + struct.pack("<i", count)
             + b"".join(map(_text, planes))
             + struct.pack("<iiii", x, y, width, height)
-            + struct.pack(f"<{count}q", *numbers)  # where a channel begins
-            + struct.pack(f"<{count}q", *[1] * count)  # from one of its pixels to the next
+            + struct.pack(f"<{count}q", *numbers)  # offset of each channel
+            + struct.pack(f"<{count}q", *[1] * count)  # stride between its pixels
             + np.stack(parts).astype("<f4").tobytes(),
         )
 

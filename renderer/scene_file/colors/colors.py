@@ -1,8 +1,8 @@
 """Colours of the file, in all their forms, as linear sRGB.
 
 A colour property may be a float, an integer, `<rgb>`, `<spectrum>`, or a nested constant
-spectrum plugin (uniform, srgb, d65). What a number means depends on the use: as a
-reflectance it is grey, as a `<spectrum>` of an emitter it is white of illuminant E.
+spectrum plugin (uniform, srgb, d65). The meaning of a number depends on its use: as a
+reflectance it is grey; as a `<spectrum>` of an emitter it is white of illuminant E.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from renderer.scene_file.tree import Element, RgbValue, SpectrumValue, Vector
 
 
 class Use(Enum):
-    """What a colour is for, which decides its conversion and its range."""
+    """Use of a colour, which determines its conversion and its range."""
 
     REFLECTANCE = "a reflectance in [0, 1]"
     EMISSION = "an emission of at least 0 and at most 1e30"
@@ -38,10 +38,10 @@ class Use(Enum):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The least and the largest that a component may be.
+        """Smallest and largest value of a component.
 
-        Beyond these the fourth power of a number or an index, and the products of light
-        with weights, leave float32, and pictures are NaN, as Mitsuba's are.
+        Beyond these, the fourth power of a number or an index, and products of light with
+        weights, overflow float32, and pictures are NaN, as in Mitsuba.
         """
         return {
             Use.REFLECTANCE: (0.0, 1.0),
@@ -57,14 +57,14 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
     Parameters
     ----------
     default
-        The grey that an absent property means.
+        Grey value for an absent property.
 
     Raises
     ------
     SceneError
-        If it is no colour, a texture, or out of the range of its use. (Mitsuba checks the
-        range of `<rgb>` alone; a reflectance above 1 makes energy whichever way it is
-        written.)
+        If it is not a colour, is a texture, or is out of the range of its use. (Mitsuba
+        checks only the range of `<rgb>`; a reflectance above 1 violates energy conservation
+        in any notation.)
     """
     property_ = properties.take(name)
     if property_ is None:
@@ -94,7 +94,7 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
         shown = ", ".join(f"{component:g}" for component in rgb)
         properties.fail(name, f"the colour ({shown})", use.value)
     if use is Use.REFRACTION and min(rgb) < 0.0:
-        # as converters write measured metals that linear sRGB cannot show
+        # converters write such values for measured metals outside of the sRGB gamut
         shown = ", ".join(f"{component:g}" for component in rgb)
         properties.reading.warn(
             property_.location,
@@ -120,14 +120,14 @@ def _from_spectrum(
 def _linear_srgb(
     spectrum: SpectrumValue, use: Use | None, reading: Reading, what: str
 ) -> Rgb:
-    """Return the colour of a spectrum over wavelengths; `what` is for a warning."""
+    """Return the colour of a spectrum over wavelengths; `what` names it in a warning."""
     raw = srgb_of_spectrum(
         spectrum.wavelengths, spectrum.values, under_d65=use is not Use.EMISSION
     )
-    # too large a value is not outside of the gamut; the caller refuses it
+    # too large a value is not clamped here: the caller refuses it
     lower = -np.inf if use in (None, Use.NUMBER) else 0.0
     clamped = np.clip(raw, lower, 1.0 if use is Use.REFLECTANCE else np.inf)
-    # Bright white reflectances end a hair above 1, which is no news.
+    # Bright white reflectances may exceed 1 slightly; no warning.
     if use is not None and np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
         shown = ", ".join(f"{component:.4g}" for component in raw)
         reading.warnings.append(
@@ -138,25 +138,25 @@ def _linear_srgb(
 
 
 def read_constant_plugin(element: Element, reading: Reading, use: Use | None = None) -> Rgb:
-    """Return the colour of a spectrum plugin that is the same everywhere.
+    """Return the colour of a constant spectrum plugin.
 
     Parameters
     ----------
     element, reading
-        What is read.
+        The plugin, and the state of the reader.
     use
-        What the colour is for; None if it is not used.
+        Use of the colour; None if it is not used.
 
     Raises
     ------
     SceneError
-        If it is not supported or something in it is wrong.
+        If it is not supported, or has an error.
     """
     properties = Properties(element, reading)
     match element.plugin:
         case "uniform":
             grey = properties.number("value", 1.0)
-        case "d65":  # white is white: relative to sRGB, D65 has the colour (1, 1, 1)
+        case "d65":  # relative to sRGB, D65 has the colour (1, 1, 1)
             grey = properties.number("scale", 1.0)
             tint = properties.take("color")
             if tint is not None:
@@ -171,7 +171,7 @@ def read_constant_plugin(element: Element, reading: Reading, use: Use | None = N
             match None if raw is None else raw.value:
                 case float(number):
                     return (number, number, number)
-                case Vector(xyz=xyz) if use is not Use.NUMBER:  # as Mitsuba's eval_1
+                case Vector(xyz=xyz) if use is not Use.NUMBER:  # as in Mitsuba's eval_1
                     return xyz
             found = f"a value of type {raw.kind}" if raw else "nothing"
             properties.fail("value", found, "a float, or a vector where a colour is needed")
@@ -197,9 +197,8 @@ def read_constant_plugin(element: Element, reading: Reading, use: Use | None = N
 # --------------------------------------------------------------------- spectrum plugins
 # Spectra that are plugins: `regular`, `irregular` and `blackbody`.
 #
-# Mitsuba's `scalar_rgb` loads them but cannot evaluate them. Here they get the colour
-# that a list of `wavelength:value` pairs gets, which Mitsuba's spectral variants show for
-# them.
+# Mitsuba's `scalar_rgb` loads them but cannot evaluate them. Here they have the colour of
+# a list of `wavelength:value` pairs, as in Mitsuba's spectral variants.
 
 OVER_WAVELENGTHS = ("regular", "irregular", "blackbody")
 
@@ -214,7 +213,7 @@ def read_spectrum(properties: Properties) -> SpectrumValue:
     Raises
     ------
     SceneError
-        If values are missing, too few, or the wavelengths do not ascend.
+        If values are missing, are too few, or the wavelengths are not ascending.
     """
     match properties.element.plugin:
         case "regular":
@@ -234,7 +233,7 @@ def read_spectrum(properties: Properties) -> SpectrumValue:
 
 
 def planck(temperature: float, wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the radiance of a black body [W / (m^2 sr nm)] by Planck's law.
+    """Return the black body radiance [W / (m^2 sr nm)] by Planck's law.
 
     Parameters
     ----------
@@ -244,7 +243,7 @@ def planck(temperature: float, wavelengths: NDArray[np.float64]) -> NDArray[np.f
         [nm]
     """
     metres = wavelengths * 1e-9
-    with np.errstate(over="ignore"):  # a cold body: infinitely small
+    with np.errstate(over="ignore"):  # for low temperatures the radiance is 0
         exponential = np.expm1(_PLANCK * _LIGHT_SPEED / (_BOLTZMANN * temperature * metres))
     per_metre = 2.0 * _PLANCK * _LIGHT_SPEED**2 / (metres**5 * exponential)
     return np.asarray(1e-9 * per_metre)
@@ -253,7 +252,7 @@ def planck(temperature: float, wavelengths: NDArray[np.float64]) -> NDArray[np.f
 def _blackbody(properties: Properties) -> SpectrumValue:
     if not properties.has("temperature"):
         properties.fail("temperature", "nothing", "a temperature in Kelvin")
-    # up to what float32 can hold
+    # up to the range of float32
     temperature = properties.number("temperature", 0.0, above=0.0, at_most=1e12)
     first, last = _range(properties, SPECTRUM_NODES[0], SPECTRUM_NODES[-1])
     inside = SPECTRUM_NODES[(SPECTRUM_NODES > first) & (SPECTRUM_NODES < last)]
@@ -265,7 +264,7 @@ def _blackbody(properties: Properties) -> SpectrumValue:
 def _range(
     properties: Properties, first: float | None, last: float | None
 ) -> tuple[float, float]:
-    """Return the first and the last wavelength [nm]; None as a default: it is needed."""
+    """Return the first and the last wavelength [nm]; a default of None: required."""
     ends = []
     for name, default in (("wavelength_min", first), ("wavelength_max", last)):
         if default is None and not properties.has(name):

@@ -1,15 +1,15 @@
-"""Materials that a file names: complex indices of conductors, indices of dielectrics."""
+"""Named materials: complex indices of conductors, indices of dielectrics."""
 
 from __future__ import annotations
 
 from renderer.scene_file.description import Rgb
 
 # ------------------------------------------------------------------ conductor materials
-# Complex indices of refraction of the conductors that Mitsuba knows by name.
+# Complex indices of refraction of Mitsuba's named conductors.
 #
-# Columns: name, eta (red, green, blue), k (red, green, blue), as `scalar_rgb` of Mitsuba
-# has them after its conversion of the measured spectra (SOPRA and Palik's tables).
-# Names are case-sensitive. The perfect mirror `none` is not a row: it is eta 0, k 1.
+# Columns: name, eta (red, green, blue), k (red, green, blue), as in Mitsuba's `scalar_rgb`
+# after its conversion of the measured spectra (SOPRA and Palik's tables). Names are
+# case-sensitive. The perfect mirror `none` (eta 0, k 1) is not in the table.
 
 _TABLE = """
 Ag            0.1552762  0.116727956   0.13838764    4.8283544    3.1222224    2.1469011
@@ -102,8 +102,8 @@ MATERIALS = _rows()  # name -> (eta, k)
 # ------------------------------------------------------------------- refractive indices
 # Indices of refraction by name, for `int_ior` and `ext_ior` of dielectrics.
 #
-# The names and numbers are those that Mitsuba takes: at about 589 nm and 0 to 20
-# degrees Celsius, after Hecht, Optics, 4th edition.
+# Mitsuba's names and values: at about 589 nm and 0 to 20 degrees Celsius, after Hecht,
+# Optics, 4th edition.
 
 INDICES = {
     "vacuum": 1.0,

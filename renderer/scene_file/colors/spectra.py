@@ -20,10 +20,10 @@ from renderer.scene_file.tree import SpectrumValue
 # CIE data every 5 nm from 360 to 830 nm: the 1931 2-degree observer and illuminant D65.
 #
 # Columns: wavelength [nm], x-bar, y-bar, z-bar, D65 (relative). The numbers are CIE 15's,
-# as colour-science publishes them (a test compares; D65 beyond 780 nm, where colour-
-# science ends, is checked through Mitsuba's conversions). They stand here because
-# importing colour-science takes longer than a render, and 5 nm with linear interpolation
-# is what Mitsuba's `scalar_rgb` uses.
+# as published by colour-science (a test compares them; D65 beyond 780 nm, where
+# colour-science ends, is checked by Mitsuba's conversions). They are copied here because
+# importing colour-science takes longer than a render. Mitsuba's `scalar_rgb` uses the same
+# step of 5 nm with linear interpolation.
 
 _TABLE = """
 360 0.0001299 3.917e-06 0.0006061 46.6383
@@ -130,36 +130,36 @@ D65 = _ROWS[:, 4]  # (95,)
 
 
 # ------------------------------------------------------------------------------ spectra
-# Spectra to linear sRGB, in the way of Mitsuba's `scalar_rgb`.
+# Conversion of spectra to linear sRGB, as in Mitsuba's `scalar_rgb`.
 #
-# A list of wavelength:value pairs is interpolated linearly, is 0 outside its ends, and is
-# integrated against the CIE 1931 observer by a sum over 1000 wavelengths from 360 to 830
-# nm. Reflectances (and indices of refraction) are seen under D65, so that a constant
-# spectrum is nearly that grey; emission is taken as it is, so that a constant spectrum is
-# the pinkish white of illuminant E.
+# A list of wavelength:value pairs is interpolated linearly, is 0 outside of its range, and
+# is integrated with the CIE 1931 observer by a sum over 1000 wavelengths from 360 to 830
+# nm. Reflectances (and indices of refraction) are multiplied by D65, so a constant spectrum
+# is nearly that grey. Emission is not, so a constant spectrum is the pinkish white of
+# illuminant E.
 
-_STEPS = 1000  # sets the result: 999 intervals but a width of 1/1000, so 0.1 % too dark
+_STEPS = 1000  # as in Mitsuba: 999 intervals of width 1 / 1000, so 0.1 % too dark
 SPECTRUM_NODES = np.linspace(WAVELENGTHS[0], WAVELENGTHS[-1], _STEPS)  # [nm]
 _Y_NORMALIZATION = 106.7502593994140625  # integral of y-bar over the 5 nm table
-_D65_NORMALIZATION = 98.99741751876255  # makes the luminance of D65 one
+_D65_NORMALIZATION = 98.99741751876255  # gives D65 the luminance 1
 
 
 def emission_of_uniform(value: float) -> Rgb:
-    """Return the colour of an emitter whose spectrum is `value` at every wavelength."""
+    """Return the colour of an emitter with a constant spectrum."""
     return as_rgb(value * SRGB_FROM_XYZ.sum(axis=1))
 
 
 def srgb_of_spectrum(
     wavelengths: Sequence[float], values: Sequence[float], *, under_d65: bool
 ) -> NDArray[np.float64]:
-    """Integrate a spectrum; the result may lie outside of the gamut.
+    """Integrate a spectrum; the result may be outside of the sRGB gamut.
 
     Parameters
     ----------
     wavelengths
         [nm], ascending, at least two.
     values
-        One for each.
+        One for each wavelength.
     under_d65
         Multiply by D65: True for reflectances, False for emission.
 
@@ -180,7 +180,7 @@ def srgb_of_spectrum(
 
 
 def as_rgb(values: NDArray[np.float64]) -> Rgb:
-    """Return three plain floats."""
+    """Return an array of three numbers as Python floats."""
     red, green, blue = (float(value) for value in values)
     return red, green, blue
 
@@ -190,7 +190,7 @@ def as_rgb(values: NDArray[np.float64]) -> Rgb:
 
 
 def parse_spectrum(text: str, location: Location) -> SpectrumValue:
-    """Read `0.5` or `400:0.1, 500:0.9, 700:0.2`.
+    """Parse `0.5` or `400:0.1, 500:0.9, 700:0.2`.
 
     Raises
     ------

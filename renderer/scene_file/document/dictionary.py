@@ -1,8 +1,8 @@
-"""Scenes as dictionaries, in the form of Mitsuba's `load_dict`, to the plain tree.
+"""Scenes as dictionaries, in the form of Mitsuba's `load_dict`, to trees of elements.
 
-Each nested dictionary has a "type"; its key is the name of the property, and at the top
-level its id as well. Matrices are arrays (or Mitsuba's transform objects, which are known
-by their `matrix`).
+Each nested dictionary has a "type". Its key is the name of the property, at the top level
+also its id. Matrices are arrays, or Mitsuba's transform objects, which have an attribute
+`matrix`.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from renderer.scene_file.tree import (
     Vector,
 )
 
-_DEEPEST = 100  # also what ends a dictionary that contains itself
+_DEEPEST = 100  # also stops at a dictionary that contains itself
 _VALUE_TYPES = ("rgb", "spectrum", "ref")
-# Types of pixels, by kind and bytes. Tensors may have any type, and are linear.
+# Supported pixel types, by kind and bytes. Tensors may have any type, and are linear.
 _PIXEL_TYPES = ("u1", "u2", "f2", "f4", "f8")
 _TENSOR_TYPES = (*_PIXEL_TYPES, "i1", "i2", "i4", "i8", "u4", "u8")
 
 
 def read_dictionary(content: Mapping[str, Any], reading: Reading) -> Tree:
-    """Turn a dictionary into a tree.
+    """Return the tree of a dictionary.
 
     Raises
     ------
     SceneError
-        If a value has a type that no property has, or a plugin does not exist.
+        If a value has an unsupported type, or a plugin does not exist.
     """
     elements: dict[str, Element] = {}
     if not isinstance(content, Mapping):
@@ -70,7 +70,7 @@ def _element(
     if not isinstance(plugin, str):
         raise SceneError(f'{location}: the dictionary lacks a "type"')
     tag = tag_of_plugin(plugin)
-    if tag is None and key == "integrator":  # the options may choose another integrator
+    if tag is None and key == "integrator":  # the options may select another integrator
         tag = "integrator"
     if tag is None:
         supported = ", ".join(every_plugin())
@@ -137,7 +137,7 @@ def _value(
     array = _array(getattr(value, "matrix", value))
     if array is not None and array.shape == (4, 4):
         return array
-    if array is not None and array.shape == (3, 3):  # a transform of u and v
+    if array is not None and array.shape == (3, 3):  # a transform of uv
         matrix = np.eye(4)
         matrix[np.ix_((0, 1, 3), (0, 1, 3))] = array
         return matrix
@@ -152,15 +152,15 @@ def _value(
 
 
 def _image(name: str, value: Any, location: Location) -> Image | None:
-    """Return an array of pixels, or Mitsuba's object for one, in its own format.
+    """Return an array of pixels, or a Mitsuba bitmap, as an image.
 
-    As in Mitsuba bytes are encoded in sRGB, but the numbers of a tensor ("data") are not.
-    A grey `mi.Bitmap` is an array of two dimensions.
+    As in Mitsuba, bytes are sRGB encoded, but a tensor ("data") is linear. A grey
+    `mi.Bitmap` has two dimensions.
 
     Raises
     ------
     SceneError
-        If its numbers are of a type, or its channels of a meaning, that pixels have not.
+        If the type of its numbers or the meaning of its channels is not supported.
     """
     if not hasattr(value, "__array__") and not hasattr(value, "__array_interface__"):
         return None
@@ -183,12 +183,12 @@ def _image(name: str, value: Any, location: Location) -> Image | None:
     said = getattr(value, "srgb_gamma", None)
     srgb = said() if said else name == "bitmap" and pixels.dtype == np.uint8
     if pixels.dtype not in (np.uint8, np.uint16, np.float16):
-        with np.errstate(over="ignore"):  # found as infinite
+        with np.errstate(over="ignore"):  # infinite values are reported later
             pixels = pixels.astype(np.float32)
     if (meant := getattr(value, "pixel_format", None)) is not None:
         layout = str(meant()).rpartition(".")[2].upper()
         if srgb and layout.startswith("XYZ") and pixels.dtype.kind == "f":
-            # the curve is taken off before the matrix, as in Mitsuba
+            # decoded before the matrix is applied, as in Mitsuba
             pixels, srgb = linear_values(pixels, True), False
         pixels = _as_rgb(pixels, layout, location)
     return Image(pixels, bool(srgb))

@@ -1,8 +1,8 @@
-"""All files that a scene names, checked before another renderer reads the scene.
+"""Checks all files that a scene names, before another renderer reads the scene.
 
-Our reader stops at the first error. Another renderer may continue and open a file that a
-later line names. Mitsuba also looks for the library of a plugin, `plugins/TYPE.so`, in the
-folders of the scene's files before its own folder, and would run it.
+This reader stops at the first error. Another renderer may continue and open a file that a
+later line names. Mitsuba also searches for the library of a plugin, `plugins/TYPE.so`, in
+the folders of the scene's files before its own folder, and would run it.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ LIBRARIES = (".so", ".dylib", ".dll")
 def check_named_files(
     path: Path, parameters: Mapping[str, object], allow_outside: Iterable[str] = ()
 ) -> None:
-    """Refuse a scene that names, anywhere, a file that may not be read, or brings code.
+    """Refuse a scene that names a file which must not be read, or that contains code.
 
-    Every string and every `filename` counts that is the path of something, whatever it is
-    in: what it means is up to plugins that ours may not know.
+    Every string and every `filename` that is the path of an existing file is checked, in
+    any element: its meaning may depend on plugins that this program does not know.
 
     Raises
     ------
     NotAllowed
-        Naming the first; or a library where Mitsuba looks for plugins; or the type of a
-        plugin that is a path.
+        Names the first such file; or a library where Mitsuba searches for plugins; or the
+        type of a plugin that is a path.
     SceneError
-        If that cannot be known, because the XML cannot be read or includes itself.
+        If the check is not possible, because the XML cannot be read or includes itself.
     """
     bounds = Bounds.of(path.parent, allow_outside)
     reading = Reading([path.parent, Path.cwd()], bounds)
@@ -49,7 +49,7 @@ def _check_document(
     for folder in reading.folders:
         _check_no_library(folder, str(path))
     waiting = [parse_xml(read_text_file(path), str(path))]
-    while waiting:  # in the order of the file: a <default> counts from its line on
+    while waiting:  # in the order of the file: a <default> applies to the lines after it
         element = waiting.pop()
         waiting += reversed(element.children)
         found = element.attributes
@@ -74,11 +74,11 @@ def _check_document(
 
 
 def _check(named: str, element: XmlElement, reading: Reading) -> Path | None:
-    """Return the file of that name, or None if it does not exist."""
+    """Return the file with that name, or None if it does not exist."""
     for folder in reading.folders:
         try:
             there = (folder / named).exists()
-        except (OSError, ValueError):  # no possible name
+        except (OSError, ValueError):  # not a possible file name
             return None
         if there and not (folder / named).is_dir():  # "rgb" may be a folder as well
             return reading.find_file(named, element.location, "the file")
@@ -98,7 +98,7 @@ def _add_folder(element: XmlElement, reading: Reading) -> None:
 def _check_no_library(folder: Path, where: str) -> None:
     try:
         inside = sorted((folder / "plugins").iterdir())
-    except OSError:  # no such folder, or it is not readable with our rights
+    except OSError:  # the folder does not exist or is not readable
         return
     for file in inside:
         if file.suffix.lower() in LIBRARIES:

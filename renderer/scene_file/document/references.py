@@ -11,21 +11,20 @@ from renderer.scene_file.numbers import quoted
 from renderer.scene_file.tree import Element, Reference, Tree
 
 # --------------------------------------------------------------------------- references
-# Puts the referenced elements in the place of `<ref>`, and finds circles.
+# Replaces `<ref>` by the referenced elements, and detects cycles.
 
-_DEEPEST = 200  # keeps the recursive readers far from Python's limit
+_DEEPEST = 200  # keeps recursion far below Python's limit
 
 
 def resolve(tree: Tree) -> Element:
-    """Return the root, with the referenced element as the value of each reference.
+    """Return the root, with each reference replaced by the referenced element.
 
-    An element that is referenced twice then stands in two places: the tree has become a
-    graph, without circles.
+    An element that is referenced twice is then shared: the tree becomes an acyclic graph.
 
     Raises
     ------
     SceneError
-        If an id does not exist, or following the references would never end.
+        If an id does not exist, or references form a cycle.
     """
     done: set[int] = set()
     _resolve(tree.root, tree.elements, done, [])
@@ -66,26 +65,26 @@ def _resolve(
 # --------------------------------------------------------------------------- parameters
 # `$name` in attributes: values from `<default>`, overridden from outside (-D name=value).
 #
-# The rules are Mitsuba's: a parameter is replaced wherever its name stands after a dollar
-# sign, longer names first (`$width2` before `$width`), `\\$` is a plain dollar sign, a
-# `<default>` counts from its line on, and a parameter that nothing uses is an error.
+# The rules are Mitsuba's: a parameter is replaced wherever its name follows a dollar sign,
+# longer names first (`$width2` before `$width`). `\\$` is a plain dollar sign. A
+# `<default>` applies to the lines after it. A parameter that is never used is an error.
 
-# Each <default> may double the one before it.
+# Each <default> can double the length of the previous one.
 _LONGEST = 1 << 20  # [characters] of a value with a parameter in it
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
 
 
 class Parameters:
-    """The parameters of one scene, shared by the file and what it includes."""
+    """The parameters of one scene, shared by the file and its includes."""
 
     def __init__(self, given: Mapping[str, object]) -> None:
         self._values = {name: _as_text(value) for name, value in given.items()}
         self._unused = set(self._values)
         self._from_outside = frozenset(self._values)
-        self._seen: set[str] = set()  # names that the file has a <default> for
+        self._seen: set[str] = set()  # names with a <default> in the file
 
     def add_default(self, name: str, value: str) -> None:
-        """Set a parameter that has no value yet."""
+        """Set a parameter, unless it has a value."""
         self._values.setdefault(name, value)
         self._seen.add(name)
 
@@ -95,7 +94,7 @@ class Parameters:
         Raises
         ------
         SceneError
-            If a name has no value.
+            If a parameter has no value.
         """
         if "$" not in text:
             return text
@@ -118,12 +117,12 @@ class Parameters:
         return text.replace("\\$", "$")
 
     def check_all_used(self, source: str) -> None:
-        """Refuse parameters from outside that the scene never used, as Mitsuba does.
+        """Refuse given parameters that the scene never used, as in Mitsuba.
 
         Raises
         ------
         SceneError
-            Naming them, and those that the file knows.
+            Names them, and the parameters of the file.
         """
         if self._unused:
             unused = ", ".join(

@@ -13,11 +13,11 @@ from renderer.process import memory
 from renderer.scene_file.description import Location
 
 # ----------------------------------------------------------------------------- xml text
-# The text of an XML file, as forgiving as the parser that scene files are written for.
+# Reads XML text as tolerantly as Mitsuba's parser.
 #
-# Mitsuba's (pugixml) takes what the standard forbids and people write by hand: two dashes
-# or another encoding's letters in a comment, a blank line before the declaration, an `&`
-# in a name. Expat does not. What is changed here changes no element, and no line number.
+# Mitsuba's parser (pugixml) accepts invalid XML that people write by hand: two dashes or
+# another encoding's characters in a comment, a blank line before the declaration, an `&` in
+# a name. Expat does not. The corrections here change no element and no line number.
 
 _MARKS = (  # longer ones first
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -32,8 +32,9 @@ _DECLARATION = re.compile(r"(\s*)<\?xml\s.*?\?>", re.DOTALL)
 _ENCODING = re.compile(
     rb"\s*<\?xml\s[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._:-]{1,40})[\"']"
 )
-# Whole tags too, so that a comment is found only where one can begin; what does not end
-# takes the rest of the file, which would otherwise be searched again at each `<`.
+# Matches whole tags too, so that a comment is found only where one can begin. An
+# unterminated match takes the rest of the file, which would otherwise be searched again at
+# each `<`.
 _COMMENT = (
     r"(?P<comment><!--.*?-->)|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
     r"|<[^!?](?:[^\"'>]|\"[^\"]*\"|'[^']*')*>|<(?:!--|!\[CDATA\[|[^!]).*"
@@ -41,20 +42,20 @@ _COMMENT = (
 _TEXT_COMMENT = re.compile(_COMMENT, re.DOTALL)
 _BYTE_COMMENT = re.compile(_COMMENT.encode(), re.DOTALL)
 _STRAY_AMPERSAND = re.compile(r"&(?![#A-Za-z][A-Za-z0-9]{0,31};)")
-# Encodings in which markup and paths are the bytes of ASCII and nothing else is: a file
-# must not look otherwise to Mitsuba, which decodes UTF and Latin-1 alone.
+# Encodings in which the bytes of markup and paths are ASCII. Otherwise a file could look
+# different to Mitsuba, which only decodes UTF and Latin-1.
 _LIKE_ASCII = re.compile(
     r"ascii|utf-8|(iso8859-|cp125|koi8-|mac-|gb|big5|shift_jis|euc_|cp93|cp949|cp950).*"
 )
 
 
 def readable(content: str | bytes) -> str:
-    """Return a document without its declaration and comments, and every `&` an entity.
+    """Return a document without declaration and comments, with `&` as an entity.
 
     Raises
     ------
     UnicodeError, LookupError
-        If its encoding is unknown, or not what it says it is.
+        If its encoding is unknown, or its bytes are invalid in it.
     """
     if isinstance(content, bytes):
         content = _decoded(content)
@@ -73,7 +74,7 @@ def _decoded(content: bytes) -> str:
             return content.decode(encoding)
     declared = _ENCODING.match(content)
     encoding = declared[1].decode() if declared else "utf-8"
-    if encoding.lower().startswith("utf-16"):  # but a byte a character, as was seen above
+    if encoding.lower().startswith("utf-16"):  # but it was read as bytes above
         encoding = "utf-8"
     if not _LIKE_ASCII.fullmatch(codecs.lookup(encoding).name):
         raise LookupError(f"the encoding {encoding} is not supported")
@@ -86,40 +87,40 @@ def _decoded(content: bytes) -> str:
 # ------------------------------------------------------------------------- xml elements
 # XML text to plain elements with line numbers, by expat; no entities, no DTD.
 #
-# The standard `ElementTree` forgets line numbers, and a message without one is of no use
-# in a file of a thousand lines.
+# The standard `ElementTree` does not store line numbers, and a message without one is
+# useless in a file of a thousand lines.
 
-_AT_ONCE = 4096  # elements, between two looks at how much memory is left
+_AT_ONCE = 4096  # elements between two checks of the available memory
 _BYTES_AN_ELEMENT = 3000  # until it is an object of the scene
-_DEEPEST = 100  # nested elements; keeps the recursive readers far from Python's limit
+_DEEPEST = 100  # nested elements; keeps recursion far below Python's limit
 
 
 @dataclass(eq=False)
 class XmlElement:
-    """One element as it stands in the file."""
+    """One element of the file."""
 
     tag: str
     attributes: dict[str, str]
     location: Location
     children: list[XmlElement] = field(default_factory=list)
-    text: str = ""  # what stands between the children, outside of comments
+    text: str = ""  # text between the children, without comments
 
 
 def parse_xml(content: str | bytes, source: str) -> XmlElement:
-    """Read a document and return its root.
+    """Parse a document and return its root.
 
     Parameters
     ----------
     content
-        The document; bytes say their encoding in the XML declaration (default UTF-8).
-        Mistakes that Mitsuba's parser overlooks are mended (`readable`).
+        The document; bytes have their encoding in the XML declaration (default UTF-8).
+        Errors that Mitsuba's parser accepts are corrected (`readable`).
     source
-        Its name, for messages.
+        Name of the document, for messages.
 
     Raises
     ------
     SceneError
-        If it is not well-formed, nests too deeply, or has a DOCTYPE: entities could
+        If it is not well-formed, is nested too deeply, or has a DOCTYPE: entities could
         read other files or grow without bound, and no scene needs them.
     """
     parser = expat.ParserCreate(encoding="utf-8")
@@ -168,12 +169,12 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
 
 
 def required(element: XmlElement, name: str) -> str:
-    """Return an attribute that must be there.
+    """Return a required attribute.
 
     Raises
     ------
     SceneError
-        If it is not.
+        If it is missing.
     """
     if name not in element.attributes:
         raise SceneError(

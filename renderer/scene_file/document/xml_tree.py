@@ -1,4 +1,4 @@
-"""XML of a scene file to a tree of nodes with file and line; also of older versions."""
+"""XML scene files to trees of elements with file and line; also of older versions."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from renderer.scene_file.plugins import TAGS
 from renderer.scene_file.tree import UNNAMED, Element, Tree
 
 # ---------------------------------------------------------------------------- version 1
-# Files of Mitsuba 0.x (version < 2): property names as they are called since.
+# Files of Mitsuba 0.x (version < 2): property names are replaced by the current ones.
 #
-# Only names change, as in Mitsuba 3, which refuses what else is different in such files.
+# As in Mitsuba 3, only names change; other differences in such files are errors.
 
 # A lower-case letter, then capitals: toWorld, intIOR (int_ior).
 _CAMEL_CASE = re.compile(r"(?<=[a-z])[A-Z]+")
@@ -32,12 +32,12 @@ _VERSION = re.compile(r"([0-9]{1,9})\.[0-9]{1,9}\.[0-9]{1,9}")
 
 
 def is_version_1(version: str, location: Location) -> bool:
-    """Tell whether a version attribute is below 2.0.0.
+    """Return whether a version attribute is below 2.0.0.
 
     Raises
     ------
     SceneError
-        If it has not the form of a version.
+        If it is not a version number.
     """
     match = _VERSION.fullmatch(version.strip())
     if not match:
@@ -48,7 +48,7 @@ def is_version_1(version: str, location: Location) -> bool:
 
 
 def current_name(plugin: str, name: str) -> str:
-    """Return what Mitsuba 3 calls a property of a plugin of Mitsuba 0.x."""
+    """Return the name in Mitsuba 3 of a property of a plugin of Mitsuba 0.x."""
     name = _CAMEL_CASE.sub(lambda capitals: "_" + capitals[0].lower(), name)
     if plugin == "diffuse" and name == "diffuse_reflectance":
         return "reflectance"
@@ -56,11 +56,11 @@ def current_name(plugin: str, name: str) -> str:
 
 
 def upgrade(element: Element) -> None:
-    """Rename the properties of an element in place, and fold the four old uv numbers."""
+    """Rename the properties of an element in place; combine the four old uv properties."""
     old = list(element.properties.values())
     element.properties.clear()
     offset, factor = [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]
-    place = None  # of the last of the old uv numbers
+    place = None  # location of the last of the old uv properties
     for property_ in old:
         name = current_name(element.plugin, property_.name)
         if name in ("uoffset", "voffset", "uscale", "vscale"):
@@ -82,10 +82,10 @@ def upgrade(element: Element) -> None:
 
 
 # ----------------------------------------------------------------------------- xml tree
-# XML elements to the plain tree: plugins, parameters, includes, ids.
+# XML elements to trees: plugins, parameters, includes, ids.
 #
-# What each tag and attribute means here follows Mitsuba; anything else is an error,
-# as it is there.
+# Tags and attributes have the meaning that they have in Mitsuba; others are errors, as in
+# Mitsuba.
 
 DEEPEST_INCLUDE = 15  # as in Mitsuba
 _OTHER_TAGS = ("default", "include", "path", "alias")
@@ -94,7 +94,7 @@ _OTHER_TAGS = ("default", "include", "path", "alias")
 def read_xml_tree(
     content: str | bytes, source: str, parameters: Parameters, reading: Reading
 ) -> Tree:
-    """Read a scene, and all that it includes.
+    """Read a scene and its includes.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def read_xml_tree(
     Raises
     ------
     SceneError
-        For everything that Mitsuba's parser refuses, and DOCTYPEs.
+        For everything that Mitsuba's parser refuses, and for DOCTYPEs.
     """
     document = _Document(source, parameters, reading, (Path(source).resolve(),))
     tree = document.read(content)
@@ -117,7 +117,7 @@ def read_xml_tree(
 
 
 class _Document:
-    """One XML file on its way to a tree; an included file gets its own."""
+    """Reads one XML file; each included file has its own object."""
 
     def __init__(
         self, source: str, parameters: Parameters, reading: Reading, stack: tuple[Path, ...]
@@ -125,7 +125,7 @@ class _Document:
         self._source = source
         self._parameters = parameters
         self._reading = reading  # its folders are those of this document
-        self._stack = stack  # this file and those that include it
+        self._stack = stack  # this file and the files that include it
         self._ids: dict[str, Element] = {}
         self._is_version_1 = False
 
@@ -146,7 +146,7 @@ class _Document:
         return Tree(self._object(root, is_root=True), self._ids)
 
     def _object(self, xml: XmlElement, *, is_root: bool = False) -> Element:
-        """Read a plugin, its parameters already replaced, and everything inside it."""
+        """Read a plugin and its children; its parameters are already replaced."""
         if xml.tag not in TAGS:
             self._refuse_tag(xml)
         optional = {"id", "name"} | ({"version", "type"} if is_root else set())
@@ -194,7 +194,7 @@ class _Document:
             self._refuse_tag(xml)
 
     def _include(self, xml: XmlElement, parent: Element) -> None:
-        """Read another file; a scene gives its objects, another root itself."""
+        """Read another file; a scene adds its children, another root adds itself."""
         check_attributes(xml, ("filename",), {"name"})
         where = xml.location
         filename = xml.attributes["filename"]
@@ -207,7 +207,7 @@ class _Document:
             raise SceneError(
                 f"{where}: more than {DEEPEST_INCLUDE} files include each other"
             )
-        # Only the root document's own <path> elements last until plugins open files.
+        # `<path>` elements of an included file are only valid inside of it.
         folders = [path.parent, *self._reading.folders]
         reading = self._reading
         inner = Reading(folders, reading.bounds, reading.warnings, reading.files)

@@ -1,4 +1,4 @@
-"""Values and transforms of XML elements, each checked where it stands."""
+"""Values and transforms of XML elements, with checks."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ VALUE_TAGS = (
 
 
 def read_value(xml: XmlElement, reading: Reading) -> Value:
-    """Read an element whose tag is one of VALUE_TAGS, its parameters already replaced.
+    """Read an element with a tag in VALUE_TAGS, whose parameters are already replaced.
 
     Raises
     ------
     SceneError
-        If its attributes are not those of its tag, or its text is no such value.
+        If its attributes do not match its tag, or its text is not a valid value.
     """
     match xml.tag:
         case "point" | "vector":
@@ -68,7 +68,7 @@ def read_value(xml: XmlElement, reading: Reading) -> Value:
 
 
 def _plain(xml: XmlElement) -> Value:
-    """Read what stands in the attribute "value" alone."""
+    """Read a value that is the attribute "value" alone."""
     text, where = xml.attributes["value"], xml.location
     what = f"{xml.tag} {quoted(xml.attributes['name'])}"
     match xml.tag:
@@ -97,7 +97,7 @@ def _spectrum(xml: XmlElement, reading: Reading) -> SpectrumValue:
 
 
 # ----------------------------------------------------------------------- xml transforms
-# The steps inside `<transform>`, folded into one matrix.
+# The steps inside `<transform>`, multiplied to one matrix.
 
 _ATTRIBUTES = {
     "translate": {"value", "x", "y", "z"},
@@ -110,12 +110,12 @@ STEPS = tuple(_ATTRIBUTES)
 
 
 def fold_steps(steps: list[XmlElement], reading: Reading) -> Matrix:
-    """Return the (4, 4) matrix that applies `steps` one after the other.
+    """Return the (4, 4) matrix that applies `steps` in order.
 
     Parameters
     ----------
     reading
-        Gets a warning for an axis that is not of unit length.
+        Gets a warning for an axis that does not have unit length.
 
     Raises
     ------
@@ -203,12 +203,12 @@ def xyz(element: XmlElement, missing: float | None) -> tuple[float, float, float
     Parameters
     ----------
     missing
-        What an absent one of x, y, z is; None: all three must be there.
+        Value of an absent x, y or z; None: all three are required.
 
     Raises
     ------
     SceneError
-        If both forms are mixed, or neither is complete.
+        If both forms are mixed, or the form is incomplete.
     """
     attributes = element.attributes
     given = [name for name in ("x", "y", "z") if name in attributes]

@@ -1,4 +1,4 @@
-"""What an image file says about its colours: chunks of PNG, ICC profiles."""
+"""Colour information of image files: chunks of PNG, ICC profiles."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
 # --------------------------------------------------------------------------- png chunks
-# Whether a PNG holds the rows that its header promises, which Pillow does not say.
+# Checks that a PNG has all rows of its header, which Pillow does not do.
 #
-# A stream that ends early, but properly and with a whole row, is no error there: the rows
-# that are missing are black.
+# Pillow accepts a stream that ends early, but validly and with a whole row: the missing
+# rows are black.
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type, 3 has a palette
-DEFLATE_RATIO = 1032  # bytes that one byte of a stream may stand for, at most
+DEFLATE_RATIO = 1032  # largest number of bytes that one byte of a stream expands to
 HEAD = 29  # [bytes] of signature and header
 _PIECE = 1 << 16  # [bytes]
-# first column and row of the seven passes of an interlaced image, and the steps to the next
+# first column and row of the seven passes of an interlaced image, and their steps
 _PASSES = (
     *((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4)),
     *((0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2)),
@@ -34,7 +34,7 @@ _PASSES = (
 
 
 def chunks(content: bytes, wanted: bytes) -> list[bytes]:
-    """Return the chunks of one kind; of one that ends too early, what is there."""
+    """Return the chunks of one kind; a truncated chunk has its remaining bytes."""
     parts = []
     position = len(SIGNATURE)
     while position + 8 <= len(content):
@@ -51,15 +51,15 @@ def image_data(content: bytes) -> bytes:
 
 
 def size_of(content: bytes) -> tuple[int, int]:
-    """Return width and height as the header has them."""
+    """Return width and height from the header."""
     width, height = struct.unpack_from(">II", content, 16)
     return width, height
 
 
 def bytes_of_rows(content: bytes) -> int:
-    """Return how many bytes all rows have that the header promises, unpacked.
+    """Return the number of bytes of all rows of the header, uncompressed.
 
-    The header is the first chunk, which the caller has seen to.
+    The caller has checked that the header is the first chunk.
     """
     width, height, depth, color_type, _, _, interlace = struct.unpack_from(
         ">IIBBBBB", content, 16
@@ -69,19 +69,19 @@ def bytes_of_rows(content: bytes) -> int:
     for x, y, step_x, step_y in _PASSES if interlace else ((0, 0, 1, 1),):
         columns, rows = -(-(width - x) // step_x), -(-(height - y) // step_y)
         if columns > 0 and rows > 0:
-            total += rows * (1 + -(-columns * bits // 8))  # a byte names the row's filter
+            total += rows * (1 + -(-columns * bits // 8))  # one byte for the filter
     return total
 
 
 def bytes_held(content: bytes, at_most: int) -> int:
-    """Return how many bytes of rows there are, up to `at_most`.
+    """Return the number of bytes of rows in the file, up to `at_most`.
 
     Raises
     ------
     zlib.error, struct.error
-        If there is no telling.
+        If the stream is damaged.
     """
-    # without the stream's head of two bytes, so that its checksum is not verified: Pillow
+    # without the two bytes of the zlib header, so that the checksum is not verified: Pillow
     # does not verify it either if all rows are there
     data, inflater, found = image_data(content)[2:], zlib.decompressobj(-15), 0
     for start in range(0, len(data), _PIECE):
@@ -93,28 +93,28 @@ def bytes_held(content: bytes, at_most: int) -> int:
 
 
 # -------------------------------------------------------------------------- icc profile
-# Whether an ICC profile means anything else than sRGB.
+# Compares an ICC profile with sRGB.
 #
-# Only profiles of three primaries and curves, or of one curve for grey, are looked into;
-# of others, such as tables, the answer is that they differ. Nothing is converted: Mitsuba
-# takes pixels as sRGB whatever their profile.
+# Only profiles with three primaries and curves, or with one curve for grey, are read;
+# others, such as tables, count as different. Nothing is converted: Mitsuba takes pixels as
+# sRGB, whatever their profile.
 
-# sRGB's red, green and blue in XYZ under D50, as its profiles have them.
+# sRGB's red, green and blue in XYZ under D50, as in its profiles.
 _PRIMARIES = {
     b"rXYZ": (0.4361, 0.2225, 0.0139),
     b"gXYZ": (0.3851, 0.7169, 0.0971),
     b"bXYZ": (0.1431, 0.0606, 0.7141),
 }
-_CLOSE = 0.004  # difference of XYZ; profiles of sRGB differ by less among themselves
-_SAME_CURVE = 0.01  # of linear light in [0, 1]; the power 2.2 is as close
+_CLOSE = 0.004  # difference of XYZ; sRGB profiles differ by less from each other
+_SAME_CURVE = 0.01  # of linear light in [0, 1]; the power 2.2 differs by less
 _HEADER = 128  # [bytes]
 _POINTS = np.linspace(0.0, 1.0, 33)
 
 
 def differs_from_srgb(profile: bytes) -> bool:
-    """Tell whether colours of this profile are other colours than those of sRGB.
+    """Return whether the colours of this profile differ from those of sRGB.
 
-    True too for a profile that is damaged.
+    Also true for a damaged profile.
     """
     try:
         (count,) = struct.unpack_from(">I", profile, _HEADER)
@@ -142,12 +142,12 @@ def _curve_differs(tag: bytes) -> bool:
 
 
 def _curve(tag: bytes) -> NDArray[np.float64]:
-    """Return the linear light of the points of [0, 1].
+    """Return the linear light for equally spaced values in [0, 1].
 
     Raises
     ------
     struct.error, ValueError
-        If it is damaged, or a curve of another kind.
+        If the curve is damaged or not supported.
     """
     kind, first = struct.unpack_from(">4s4xI", tag)
     if kind == b"curv" and first == 0:
@@ -170,8 +170,8 @@ def _curve(tag: bytes) -> NDArray[np.float64]:
 # -------------------------------------------------------------------------- color notes
 # Warnings about colour information of 8-bit image files, which Mitsuba ignores.
 #
-# PNG, JPEG, BMP and TGA pixels are taken as sRGB, in the order in which they are stored.
-# Entries of the file that say otherwise (profiles, gamma, orientation) are logged.
+# PNG, JPEG, BMP and TGA pixels are taken as sRGB, in their stored order. Entries of the
+# file that say otherwise (profiles, gamma, orientation) are logged.
 
 _SRGB_GAMMA, _SAME_GAMMA = 1.0 / 2.2, 0.01
 _SAME_PRIMARIES = 5e-3
@@ -183,7 +183,7 @@ _WINDOWS_COLORS = (b"BGRs", b" niW")  # "sRGB" and "Win " as BMP files store the
 
 
 def png_notes(content: bytes) -> tuple[str, ...]:
-    """Return the colour space of a PNG, by the chunk that counts, if it is not sRGB."""
+    """Return notes about the colour space of a PNG, by its most significant chunk."""
     instead = "is not applied, as in Mitsuba"
     if (found := _first(content, b"cICP")) is not None:
         code = tuple(found[:4])
@@ -218,7 +218,7 @@ def png_notes(content: bytes) -> tuple[str, ...]:
 
 
 def pillow_notes(path: Path, image: PillowImage) -> tuple[str, ...]:
-    """Return what a file that Pillow has opened says."""
+    """Return notes about the colours of a file that Pillow has opened."""
     content = path.read_bytes()
     notes = []
     if image.format == "PNG":
@@ -236,7 +236,7 @@ def pillow_notes(path: Path, image: PillowImage) -> tuple[str, ...]:
 
 
 def _exif_notes(block: bytes) -> list[str]:
-    from PIL.Image import Exif  # here, because scenes without images need not wait for it
+    from PIL.Image import Exif  # here, because scenes without images do not need it
 
     try:
         exif = Exif()
@@ -244,7 +244,7 @@ def _exif_notes(block: bytes) -> list[str]:
         orientation = exif.get(_ORIENTATION, 1)
         color_space = exif.get_ifd(_EXIF).get(_COLOR_SPACE)
     except (struct.error, SyntaxError, ValueError, TypeError, KeyError, OSError):
-        return []  # damaged, which the pixels need not be
+        return []  # damaged metadata; the pixels may be valid
     notes = []
     if orientation in range(2, 9):
         notes.append(
@@ -258,7 +258,7 @@ def _exif_notes(block: bytes) -> list[str]:
 
 def _bmp_notes(content: bytes, image: PillowImage) -> list[str]:
     notes = []
-    if image.mode == "P" and content[28:30] == b"\x08\0":  # bits a pixel
+    if image.mode == "P" and content[28:30] == b"\x08\0":  # bits per pixel
         notes.append(
             "the palette of the BMP is applied; Mitsuba takes its indices as greys"
         )

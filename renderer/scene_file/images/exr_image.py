@@ -1,7 +1,7 @@
-"""EXR files as linear RGB or grey, by OpenEXR.
+"""Reads EXR files as linear RGB or grey, with OpenEXR.
 
-Which channels are colours, which type all of them are turned into, and what the attribute
-`chromaticities` does to them: as in Mitsuba.
+As in Mitsuba: which channels are colours, their common type, and the conversion by the
+attribute `chromaticities`.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from renderer.scene_file.images.image import (
 )
 
 _MAGIC = b"\x76\x2f\x31\x01"
-# Bytes of pixels for a byte of the file, where a method cannot make more of it.
+# Largest expansion of a byte of the file, for methods where it is bounded.
 _MOST_EXPANSION = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1376}
-_BYTES_A_NUMBER = 12  # read, stacked, and turned into other primaries as float32
-_LAYOUTS = ("rgb", "xyz", "y")  # each with an "a" or without
-_SAME_PRIMARIES = 1e-3  # root of the sum of squares below which Mitsuba converts nothing
+_BYTES_A_NUMBER = 12  # read, stacked, and converted to other primaries as float32
+_LAYOUTS = ("rgb", "xyz", "y")  # each with or without "a"
+_SAME_PRIMARIES = 1e-3  # root of the sum of squares below which Mitsuba does not convert
 _COLOR_SPACES = ("colorInteropID", "oiio:ColorSpace")
-# Attributes that say what the numbers mean and that Mitsuba does not look at.
+# Attributes about the meaning of the numbers that Mitsuba ignores.
 _NOT_APPLIED = (
     *("whiteLuminance", "adoptedNeutral", "renderingTransform", "lookModTransform"),
     *_COLOR_SPACES,
@@ -43,14 +43,14 @@ _LINEAR_SRGB = {"linear", "scene_linear", "lin_srgb", "lin_rec709", "lin_rec709_
 
 
 def is_exr(path: Path) -> bool:
-    """Tell whether a file starts as EXR files do."""
+    """Return whether a file starts like an EXR file."""
     with path.open("rb") as file:
         return file.read(4) == _MAGIC
 
 
 @contextmanager
 def without_lines_of_openexr() -> Iterator[None]:
-    """Keep away what OpenEXR says of a damaged file; the error here is one line."""
+    """Suppress OpenEXR's messages about a damaged file; the error here is one line."""
     with ExitStack() as stack:
         stack.enter_context(redirect_stdout(io.StringIO()))
         with suppress(OSError):  # its C code writes to a stream that may be closed
@@ -74,14 +74,14 @@ def read_exr(path: Path) -> Image:
     Raises
     ------
     SceneError
-        If it is damaged, its channels are not RGB[A], Y[A] or XYZ[A] in capital or small
-        letters, or its chromaticities are those of no colour space.
+        If it is damaged, its channels are not RGB[A], Y[A] or XYZ[A] in upper or lower
+        case, or its chromaticities are not those of a colour space.
     """
-    import OpenEXR  # here, because it takes 0.1 s that scenes without EXR need not wait
+    import OpenEXR  # here, because its import takes 0.1 s and not all scenes need it
 
     try:
         with OpenEXR.File(str(path), header_only=True) as file:
-            headers = [dict(part.header) for part in file.parts]  # ends with the file
+            headers = [dict(part.header) for part in file.parts]  # valid while it is open
             _check_size(path, headers)
             _check_kind(path, headers[0])
         with (
@@ -95,7 +95,7 @@ def read_exr(path: Path) -> Image:
                 for name, channel in file.channels().items()
             }
         return Image(_pixels(path, channels, headers[0]), notes=_notes(headers))
-    except SceneError:  # a ValueError too
+    except SceneError:  # also a ValueError
         raise
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
         first_line = (str(error).splitlines() or ["unknown reason"])[0]
@@ -120,14 +120,14 @@ def _pixels(
             "Mitsuba converts wrongly; expected floats"
         )
     kept = np.float16 if first == np.float16 else np.float32
-    with np.errstate(over="ignore"):  # found as infinite
+    with np.errstate(over="ignore"):  # infinite values are reported later
         pixels = np.stack([channels[name] for name in names], axis=-1)
         pixels = pixels.astype(kept, copy=False)
         return _as_srgb(path, pixels, layout, points)
 
 
 def _colors(path: Path, channels: dict[str, NDArray[Any]]) -> tuple[str, list[str]]:
-    """Return which colours there are ("rgb", "xyz" or "y"), and their channels."""
+    """Return the kind of colours ("rgb", "xyz" or "y"), and their channels."""
     names = {name.rpartition(".")[2].lower(): name for name in channels}  # "layer.R" -> r
     layers = {name.rpartition(".")[0] for name in channels}
     if len(names) == len(channels) and len(layers) == 1:
@@ -146,7 +146,7 @@ def _as_srgb(
     layout: str,
     chromaticities: tuple[float, ...] | None,
 ) -> NDArray[Any]:
-    """Return colours of the primaries that the file names as linear sRGB."""
+    """Return colours with the primaries of the file as linear sRGB."""
     matrix = SRGB_FROM_XYZ if layout == "xyz" else None
     if layout == "rgb" and chromaticities is not None:
         if not differ(chromaticities, BT709, _SAME_PRIMARIES):
@@ -168,7 +168,7 @@ def _as_srgb(
 
 
 def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
-    """Return what the file says about its numbers and is not applied."""
+    """Return notes about attributes that are not applied."""
     header, notes = headers[0], []
     for name in _NOT_APPLIED:
         value = header.get(name)
@@ -177,7 +177,7 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
         if value is None or (isinstance(value, str) and not value):
             continue
         if name in _COLOR_SPACES and (
-            # primaries are applied if the file has them in numbers
+            # numerical primaries are applied
             "chromaticities" in header or str(value).lower() in _LINEAR_SRGB
         ):
             continue
@@ -186,7 +186,7 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
         else:
             shown = ", ".join(f"{number:g}" for number in np.ravel(value))
         notes.append(f"the EXR attribute {name} ({shown}) is not applied, as in Mitsuba")
-    if header.get("envmap"):  # 0: latitude and longitude
+    if header.get("envmap"):  # 0 is the latitude-longitude layout
         notes.append(
             "the EXR attribute envmap says that it shows the faces of a cube; it is taken "
             "as one picture, as in Mitsuba"
@@ -207,7 +207,7 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
 
 
 def _check_kind(path: Path, header: dict[str, Any]) -> None:
-    """Refuse deep pixels, and channels that lack some."""
+    """Refuse deep pixels, and subsampled channels."""
     kind = getattr(header.get("type"), "name", "scanlineimage")
     if kind not in ("scanlineimage", "tiledimage"):
         raise SceneError(f"{path}: the EXR file is a {kind}; expected one without depth")
@@ -220,12 +220,12 @@ def _check_kind(path: Path, header: dict[str, Any]) -> None:
 
 
 def _check_size(path: Path, headers: list[dict[str, Any]]) -> None:
-    """Refuse pixels that the file cannot hold, or the memory.
+    """Refuse headers with more pixels than the file can hold, or than fit into memory.
 
     Raises
     ------
     SceneError
-        The library would otherwise write a line about each block that is missing.
+        Otherwise OpenEXR would print a line about each missing block.
     """
     promised = {"NO": 0}  # bytes of pixels by the name of their compression
     numbers = 0
@@ -235,7 +235,7 @@ def _check_size(path: Path, headers: list[dict[str, Any]]) -> None:
         method = header["compression"].name.removesuffix("_COMPRESSION")
         for channel in header["channels"]:
             values = width * height // (channel.xSampling * channel.ySampling)
-            # of halves: the library tells no type before it has read the pixels
+            # as half floats: the library does not know the type before it reads the pixels
             promised[method] = promised.get(method, 0) + 2 * values
             numbers += values
     there = path.stat().st_size

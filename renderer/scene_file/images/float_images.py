@@ -14,9 +14,9 @@ from renderer.process import memory
 from renderer.scene_file.images.image import BT709, SRGB_FROM_XYZ, Image
 
 # ---------------------------------------------------------------------------- pfm image
-# Portable float maps (.pfm): a header of three lines, then float32, rows from the bottom.
+# Portable float maps (.pfm): a header of three lines, then float32, bottom row first.
 #
-# The third line is a factor of all numbers, negative where these are little-endian.
+# The third line is a scale factor, negative for little-endian numbers.
 
 _HEADER = re.compile(
     rb"P([Ff])\s+(\d{1,7})\s+(\d{1,7})\s+([+-]?[0-9.]{1,20}(?:[eE][+-]?\d{1,3})?)\s"
@@ -25,13 +25,13 @@ _LONGEST_HEADER = 128  # [bytes]
 
 
 def is_pfm(path: Path) -> bool:
-    """Tell whether a file starts as portable float maps do."""
+    """Return whether a file starts like a portable float map."""
     with path.open("rb") as file:
         return file.read(2) in (b"PF", b"Pf")
 
 
 def read_pfm(path: Path, largest: int) -> NDArray[np.float32]:
-    """Read the pixels, (H, W, 3), or (H, W, 1) of a grey one; row 0 at the top.
+    """Read the pixels, (H, W, 3), or (H, W, 1) of a grey image; row 0 at the top.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def read_pfm(path: Path, largest: int) -> NDArray[np.float32]:
         )
     try:
         factor = float(header[4])
-    except ValueError:  # such as two points
+    except ValueError:  # such as two decimal points
         factor = 0.0
     if factor == 0.0 or not math.isfinite(factor):
         raise SceneError(
@@ -69,21 +69,21 @@ def read_pfm(path: Path, largest: int) -> NDArray[np.float32]:
     kind = np.dtype("<f4" if factor < 0.0 else ">f4")
     numbers = np.frombuffer(content, kind, count, header.end())
     rows = numbers.reshape(height, width, channels)[::-1].astype(np.float32)
-    with np.errstate(over="ignore", invalid="ignore"):  # refused where values are checked
+    with np.errstate(over="ignore", invalid="ignore"):  # values are checked later
         return rows * np.float32(abs(factor))
 
 
 # --------------------------------------------------------------------------- rgbe image
 # Radiance pictures (.hdr, .rgbe, .xyze) as linear RGB [Ward1991].
 #
-# Three bytes share the exponent in a fourth. Rows of 8 to 32767 pixels may be packed:
-# each of the four bytes of all pixels as runs and literal pieces.
+# Three mantissas of a byte share the exponent in a fourth byte. Rows of 8 to 32767 pixels
+# may be run-length encoded: each of the four bytes of all pixels separately.
 
 _SIZE = re.compile(rb"-Y (\d{1,7}) \+X (\d{1,7})")
 _LONGEST_RGBE_HEADER = 1 << 16  # [bytes]
-_PACKED = range(8, 32768)  # widths of rows that may be packed
+_PACKED = range(8, 32768)  # widths of rows that may be run-length encoded
 _FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
-# Variables of the header that say what the numbers mean: values that change nothing.
+# Variables of the header about the meaning of the numbers: values that change nothing.
 _NOT_APPLIED = {
     "EXPOSURE": (1.0,),
     "COLORCORR": (1.0, 1.0, 1.0),
@@ -91,11 +91,11 @@ _NOT_APPLIED = {
     "PRIMARIES": BT709,
     "PIXASPECT": (1.0,),
 }
-_SAME = 2e-3  # difference of two numbers of the header that is rounding
+_SAME = 2e-3  # relative difference of header values that counts as rounding
 
 
 def is_rgbe(path: Path) -> bool:
-    """Tell whether a file starts as Radiance pictures do."""
+    """Return whether a file starts like a Radiance picture."""
     with path.open("rb") as file:
         return file.read(2) == b"#?"
 
@@ -108,8 +108,7 @@ def read_rgbe(path: Path, largest: int) -> Image:
     Raises
     ------
     SceneError
-        If the file is damaged, has more pixels than `largest`, or its rows in another
-        order.
+        If the file is damaged, has more pixels than `largest`, or another order of rows.
     """
     content = path.read_bytes()
     end = content.find(b"\n\n", 0, _LONGEST_RGBE_HEADER)
@@ -135,8 +134,8 @@ def read_rgbe(path: Path, largest: int) -> Image:
         raise SceneError(
             f"{path}: {width} x {height} pixels; expected at least 1 and at most {largest}"
         )
-    # before memory is taken: a packed row has at least its start and two bytes for each
-    # run of 127
+    # checked before memory is allocated: an encoded row has at least its start and two
+    # bytes for each run of 127
     row_at_least = 4 * width
     if width in _PACKED and content[start : start + 2] == b"\2\2":
         row_at_least = 4 + 8 * -(-width // 127)
@@ -154,7 +153,7 @@ def read_rgbe(path: Path, largest: int) -> Image:
 
 
 def _notes(lines: list[bytes]) -> tuple[str, ...]:
-    """Return what the header says about the numbers and is not applied."""
+    """Return notes about the header's entries that are not applied."""
     notes = []
     for name, nothing in _NOT_APPLIED.items():
         prefix = name.encode() + b"="
@@ -202,7 +201,7 @@ def _pixels(
 def _unpacked(
     content: bytes, at: int, width: int, y: int, path: Path
 ) -> tuple[bytearray, int]:
-    """Return one component of a row, and where the next begins."""
+    """Return one component of a row, and the position of the next one."""
     row = bytearray()
     while len(row) < width:
         count = content[at] if at < len(content) else 0

@@ -1,8 +1,7 @@
-"""`Image`: pixels as they were read, and the primaries of their colour space.
+"""`Image`: pixels as in their file, and conversion of primaries to sRGB.
 
-Primaries and white of a colour space, as points x, y of the CIE 1931 diagram.
-
-In files they are eight numbers: red, green, blue, white; x before y.
+A colour space is given by its primaries and white as points x, y of the CIE 1931 diagram:
+eight numbers for red, green, blue and white, x before y.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 
-BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # of sRGB too
+BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # equal to those of sRGB
 XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0)
 
 
 def differ(one: Sequence[float], other: Sequence[float], at_least: float) -> bool:
-    """Tell whether the points of two colour spaces are so far apart, all together.
+    """Return whether the summed difference of two colour spaces is at least `at_least`.
 
-    Points that are NaN differ.
+    NaN counts as different.
     """
     distance = np.linalg.norm(np.subtract(one, other, dtype=np.float64))
     return not distance < at_least
@@ -32,8 +31,8 @@ def differ(one: Sequence[float], other: Sequence[float], at_least: float) -> boo
 def srgb_from(points: Sequence[float]) -> NDArray[np.float32]:
     """Return the matrix, (3, 3), from a colour space to linear sRGB.
 
-    White keeps its XYZ: there is no chromatic adaptation, as in OpenEXR and Mitsuba. All
-    entries are NaN or infinite if the primaries span no colour space.
+    White keeps its XYZ: as in OpenEXR and Mitsuba, there is no chromatic adaptation. All
+    entries are NaN or infinite if the primaries are collinear.
     """
     with np.errstate(all="ignore"):
         try:
@@ -44,17 +43,17 @@ def srgb_from(points: Sequence[float]) -> NDArray[np.float32]:
 
 
 def _xyz_from(points: Sequence[float]) -> NDArray[np.float64]:
-    """Return the matrix to XYZ: its columns are the primaries, and their sum is white."""
+    """Return the matrix to XYZ: its columns are scaled primaries, their sum is white."""
     x, y = np.asarray(points, np.float64).reshape(4, 2).T
-    columns = np.stack([x, y, 1.0 - x - y])  # of X + Y + Z = 1
+    columns = np.stack([x, y, 1.0 - x - y])  # normalised to X + Y + Z = 1
     white = columns[:, 3] / y[3]
     return np.asarray(columns[:, :3] * np.linalg.solve(columns[:, :3], white))
 
 
 # -------------------------------------------------------------------------------- image
-# Image: pixels in the format of their file, and what they mean as linear light.
+# Image: pixels in the format of their file, and their conversion to linear light.
 
-# Linear sRGB (ITU-R BT.709 primaries, D65) from XYZ, rounded as Mitsuba rounds it.
+# Linear sRGB (ITU-R BT.709 primaries, D65) from XYZ, rounded as in Mitsuba.
 SRGB_FROM_XYZ = np.array(
     [
         [3.240479, -1.537150, -0.498535],
@@ -69,8 +68,8 @@ class Image:
     """Pixels without alpha, row 0 at the top."""
 
     texels: NDArray[Any]  # (H, W, 1 or 3) uint8, uint16, float16 or float32
-    srgb: bool = False  # whether they are encoded, as in files only integers are
-    notes: tuple[str, ...] = ()  # for the log: what the file says of them, not applied
+    srgb: bool = False  # whether they are sRGB encoded; in files only integers are
+    notes: tuple[str, ...] = ()  # for the log: entries of the file that are not applied
 
     @property
     def linear(self) -> NDArray[np.float32]:
@@ -88,7 +87,7 @@ def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def linear_values(texels: NDArray[Any], srgb: bool) -> NDArray[np.floating]:
-    """Return what texels mean: integers in [0, 1], out of sRGB if they are encoded so."""
+    """Return linear values of texels: integers scaled to [0, 1], decoded if `srgb`."""
     if texels.dtype.kind == "f":
         return linear_from_srgb(texels).astype(texels.dtype) if srgb else texels
     if texels.dtype == np.uint8:
@@ -98,7 +97,7 @@ def linear_values(texels: NDArray[Any], srgb: bool) -> NDArray[np.floating]:
 
 
 def decoded_bytes(srgb: bool, dtype: Any = np.float32) -> NDArray[Any]:
-    """Return what each of the 256 bytes means."""
+    """Return the linear value of each of the 256 bytes."""
     encoded = np.arange(256) / 255.0
     return (linear_from_srgb(encoded) if srgb else encoded).astype(dtype)
 
@@ -109,8 +108,8 @@ def checked(image: Image, name: str) -> Image:
     Raises
     ------
     SceneError
-        If it has others, no pixels, or numbers that are NaN or infinite. (Mitsuba renders
-        such pixels, and they spoil all that their light reaches.)
+        If it has other channels, no pixels, or values that are NaN or infinite. (Mitsuba
+        renders such pixels; they make everything NaN that their light reaches.)
     """
     texels = image.texels
     if texels.ndim != 3 or texels.shape[2] not in (1, 2, 3, 4) or texels.size == 0:
@@ -131,7 +130,7 @@ def checked(image: Image, name: str) -> Image:
 
 
 def negative_pixels(texels: NDArray[Any]) -> str | None:
-    """Return how many pixels have a number below 0, and the least; None if none has."""
+    """Return the number of pixels with negative values and the minimum; None if none."""
     if texels.dtype.kind != "f" or not (least := texels.min()) < 0.0:
         return None
     count = np.count_nonzero((texels < 0.0).any(axis=2))

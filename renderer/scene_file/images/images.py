@@ -1,6 +1,7 @@
-"""Images of all formats that are read, for textures and environments.
+"""Reads images of all supported formats, for textures and environments.
 
-What a file is, its content says and not its name, but for TGA, which has no signature.
+The format is detected from the content and not from the name, except for TGA, which has no
+signature.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
 READ_FROM = "PNG, JPEG, BMP, TGA, EXR, HDR or PFM"
-_LARGEST = 2**28  # pixels; beyond it a header is more likely broken than honest
+_LARGEST = 2**28  # pixels; a header with more is probably damaged
 
 
 def read_image(path: Path) -> NDArray[np.float32]:
@@ -48,12 +49,12 @@ def read_image(path: Path) -> NDArray[np.float32]:
 
 
 def read_texels(path: Path) -> Image:
-    """Read an image file; alpha is dropped, and the colour not divided by it.
+    """Read an image file; alpha is dropped, without division of the colour by it.
 
     Raises
     ------
     SceneError
-        If the file is damaged, of another format, or has values that are NaN or infinite.
+        If the file is damaged, has another format, or has values that are NaN or infinite.
     """
     try:
         if is_exr(path):
@@ -72,8 +73,8 @@ def read_texels(path: Path) -> Image:
 
 
 def _read_8_bit(path: Path) -> Image:
-    """Return an image that has at most 8 bits a channel."""
-    # here, because scenes without images need not wait for it
+    """Return an image with at most 8 bits per channel."""
+    # here, because scenes without images do not need it
     from PIL import Image as Pillow
     from PIL import UnidentifiedImageError
 
@@ -99,14 +100,15 @@ def _read_8_bit(path: Path) -> Image:
                 if grey:
                     return Image(np.asarray(image.convert("L"))[:, :, None], True, notes)
                 if image.mode in ("RGB", "RGBA", "P"):
-                    # By way of RGBA, so that transparency of a palette is no black.
+                    # Converted to RGBA first, so that a transparent palette entry is not
+                    # black.
                     return Image(np.asarray(image.convert("RGBA"))[:, :, :3], True, notes)
                 raise SceneError(
                     f"{path}: images of mode {image.mode} are not supported; "
                     "supported: grey, "
                     "grey + alpha, RGB, RGB + alpha, palette"
                 )
-    except SceneError:  # a ValueError too
+    except SceneError:  # also a ValueError
         raise
     except UnidentifiedImageError:
         raise SceneError(
@@ -128,15 +130,15 @@ def _read_8_bit(path: Path) -> Image:
 
 
 def _require_content(path: Path, image: PillowImage) -> None:
-    """Refuse a file that is too small for what its header promises."""
+    """Refuse a file that is too small for the size in its header."""
     size, pixels = path.stat().st_size, image.width * image.height
-    # A coder spends a bit on 64 pixels at least; missing ones are made up.
+    # A JPEG needs at least a bit for 64 pixels; Pillow would invent missing ones.
     too_small = image.format == "JPEG" and pixels > 1024 * size
     if image.format == "PNG":
         content = path.read_bytes()
         if content[12:16] != b"IHDR" or size_of(content) != image.size:
             raise SceneError(f"{path}: damaged image: its first chunk is not its header")
-        if len(chunks(content, b"IHDR")) != 1:  # Pillow takes the last
+        if len(chunks(content, b"IHDR")) != 1:  # Pillow uses the last one
             raise SceneError(f"{path}: damaged image: it has more than one header")
         too_small = bytes_of_rows(content) > DEFLATE_RATIO * size
     if too_small:
@@ -147,9 +149,9 @@ def _require_content(path: Path, image: PillowImage) -> None:
 
 
 def _require_rows(path: Path, image: PillowImage) -> None:
-    """Refuse a PNG that holds less than all rows; those that lack are black.
+    """Refuse a PNG with missing rows, which Pillow returns as black.
 
-    Counting takes as long as reading, and is needed only where the last row is black.
+    Counting takes as long as reading, and is only done if the last row is black.
     """
     image.load()
     last = image.crop((0, image.height - 1, image.width, image.height))

@@ -1,8 +1,7 @@
-"""PNG files with 16 bits a channel, which Pillow would cut to 8.
+"""Reads PNG files with 16 bits per channel, which Pillow would reduce to 8.
 
-A decoder after the PNG specification (W3C, third edition): chunks, zlib, then the five
-row filters. Only what such files can be is here: grey or colour, with alpha or without,
-not interlaced.
+A decoder after the PNG specification (W3C, third edition): chunks, zlib, then the five row
+filters. Only grey and colour images are supported, with or without alpha, not interlaced.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _LARGEST = 2**28  # pixels
 
 
 def is_16_bit_png(path: Path) -> bool:
-    """Tell whether a file is a PNG with a bit depth of 16."""
+    """Return whether a file is a PNG with a bit depth of 16."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     return len(head) == HEAD and head[:8] == SIGNATURE and head[24] == 16
@@ -42,7 +41,7 @@ def read_16_bit_png(path: Path) -> Image:
     SceneError
         If the file is damaged or interlaced.
     """
-    # here, because Numba takes half a second that other files need not wait for
+    # here, because importing Numba takes half a second that other files do not need
     from renderer.scene_file.images.png_filters import undo_filters
 
     content = path.read_bytes()
@@ -54,7 +53,7 @@ def read_16_bit_png(path: Path) -> Image:
         raise SceneError(f"{path}: damaged PNG: its header makes no sense")
     if interlace:
         raise SceneError(f"{path}: interlaced 16-bit PNG is not supported; save it without")
-    # unpacked, filtered, and in float64 while it is checked
+    # uncompressed, filtered, and as float64 for checks
     memory.require(42 * width * height * channels, f"{path}: the image")
     row_bytes = width * channels * 2
     expected = height * (row_bytes + 1)  # each row starts with the number of its filter

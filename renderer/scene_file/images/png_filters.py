@@ -1,4 +1,4 @@
-"""The row filters of PNG, undone: a loop over bytes, so a kernel."""
+"""Kernel that reverses the row filters of PNG."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from renderer.kernels.jit import entry_kernel
 
 @entry_kernel
 def undo_filters(rows, values, step):  # type: ignore[no-untyped-def]
-    """Fill `values`, which has a row and a pixel of zeros in front, from filtered `rows`.
+    """Fill `values`, preceded by a row and a pixel of zeros, from filtered `rows`.
 
     Each byte is predicted from its neighbours a (left), b (above), c (above left).
     """

@@ -1,1 +1,1 @@
-"""Meshes: OBJ, PLY, cubes, and what is checked about them."""
+"""Reads and checks meshes: OBJ, PLY, serialized files, cubes."""

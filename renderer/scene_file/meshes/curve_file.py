@@ -1,6 +1,6 @@
-"""Files of curves: a control point `x y z radius` on each line, an empty line between two.
+"""Files of curves: a control point `x y z radius` per line, an empty line between curves.
 
-Blanks and tabs lie between the numbers; what follows the fourth is not looked at.
+Numbers are separated by blanks and tabs; anything after the fourth is ignored.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class CurveData(NamedTuple):
 
 
 def read_curve_file(path: Path, least: int) -> CurveData:
-    """Read a file of curves with at least so many control points each.
+    """Read a file of curves with at least `least` control points each.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_curve_file(path: Path, least: int) -> CurveData:
     lines: list[int] = []
     starts: list[int] = []
     begins = True
-    # latin-1 maps every byte to a character, which a message shows as it is
+    # latin-1 decodes every byte, so that messages can show it
     for number, line in enumerate(content.decode("latin-1").split("\n"), start=1):
         words = line.split()
         if not words:

@@ -1,8 +1,8 @@
 """Files of Mitsuba's grids of numbers (.vol, version 3).
 
 All numbers are little endian: "VOL", a byte for the version, the type of the numbers (1:
-float32), the points along x, y and z, the channels (32 bits each), six float32 of a box,
-which shapes do not use, and the numbers, channels fastest, then x, and z slowest.
+float32), the grid points along x, y and z, the channels (32 bits each), six float32 of a
+box (ignored by shapes), and the numbers: channels fastest, then x, and z slowest.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.process import memory
 
-# Of the shape that it becomes, measured; a crossing is an edge with a sign at either end.
+# Of the resulting shape, measured; a crossing is an edge between values of opposite sign.
 _BYTES_A_POINT, _BYTES_A_CROSSING = 34, 500
 _HEADER = struct.Struct("<3sB5i6f")
 
@@ -27,7 +27,8 @@ def read_grid(path: Path) -> NDArray[np.float32]:
     Raises
     ------
     SceneError
-        As `read_channels`; more than one channel, or fewer than two points along an axis.
+        As `read_channels`; also for several channels, or fewer than two points along an
+        axis.
     """
     values, _ = read_channels(path)
     nz, ny, nx, channels = values.shape
@@ -51,8 +52,8 @@ def read_channels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float64]]
     Raises
     ------
     SceneError
-        Another format, version or type, no point along an axis, fewer numbers than the
-        header promises, or one that is not finite.
+        For another format, version or type, no points along an axis, fewer numbers than
+        in the header, or a number that is not finite.
     """
     try:
         content = path.read_bytes()
@@ -91,7 +92,7 @@ def read_channels(path: Path) -> tuple[NDArray[np.float32], NDArray[np.float64]]
 
 
 def check_distances(grid: NDArray[np.float32]) -> str | None:
-    """Return the first number that is not finite and its place, or None."""
+    """Return the first value that is not finite and its place, or None."""
     if np.isfinite(grid).all():
         return None
     z, y, x, *channel = np.argwhere(~np.isfinite(grid))[0]

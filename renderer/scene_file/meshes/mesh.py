@@ -1,6 +1,6 @@
-"""From local triangles to the `Mesh` record: transform, normals, degenerate faces.
+"""Makes the `Mesh` record from local triangles: transform, normals, degenerate faces.
 
-All mesh plugins (obj, ply, serialized, cube) end here, so each rule is written once.
+All mesh plugins (obj, ply, serialized, cube) use it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from renderer.scene_file.meshes.mesh_passes import (
     unit_sums,
 )
 
-# A triangle whose height is less than this part of its longest edge is a line: far below
-# the rounding of float32 vertices, so only exactly collinear ones are caught.
+# A triangle whose height is less than this fraction of its longest edge is degenerate. That
+# is far below the rounding of float32 vertices: only exactly collinear ones are found.
 _FLAT = 1e-12
-# At the peak, measured: corners and angles in float64, for normals that a file lacks.
+# At the peak, measured, with float64 corners and angles for missing vertex normals.
 _BYTES_A_FACE, _BYTES_A_VERTEX = 260, 110
 
 
@@ -40,38 +40,38 @@ def build_mesh(
     location: Location = NOWHERE,
     **common: Any,
 ) -> tuple[Mesh, tuple[str, ...]]:
-    """Place `data` in the world.
+    """Transform `data` to world space.
 
-    A mirroring `to_world` turns the geometric normals inside out, but not the normals of
-    the file: both as in Mitsuba, where only `flip_normals` turns both.
+    A `to_world` with a reflection flips the geometric normals but not the normals of the
+    file; only `flip_normals` flips both. Both are as in Mitsuba.
 
     Parameters
     ----------
     data
-        What `read_obj`, `read_ply`, `read_serialized` or `cube_mesh` returned.
+        Result of `read_obj`, `read_ply`, `read_serialized` or `cube_mesh`.
     to_world
         (4, 4), affine, acts on column vectors.
     face_normals
-        Drop vertex normals and compute none. Mitsuba's cube has no use for it: pass
+        Ignore vertex normals and compute none. Mitsuba's cube ignores this property: pass
         False there.
     flip_normals
-        Turn the geometric and the vertex normals around.
+        Flip the geometric and the vertex normals.
     location, **common
-        What all shapes have (`Shape`); goes into the record as it is.
+        Fields of all shapes (`Shape`), copied to the record.
 
     Returns
     -------
     Mesh
-        Without degenerate triangles, which may be all: then nothing of it is seen, as in
-        Mitsuba; `face_ids` is None if there were none.
+        Without degenerate triangles. If all are, the mesh is invisible, as in Mitsuba.
+        `face_ids` is None if there were none.
     warnings
         One line each, for the log.
 
     Raises
     ------
     SceneError
-        The transform is singular, sends a vertex to infinity, or no triangle is left of
-        a mesh that emits light.
+        If the transform is singular or sends a vertex to infinity, or if no triangle is
+        left of a mesh that emits light.
     """
     size = _BYTES_A_FACE * len(data.faces) + _BYTES_A_VERTEX * len(data.vertices)
     memory.require(size, f"{location}: the {len(data.faces)} triangles of {data.source}")
@@ -99,7 +99,7 @@ def build_mesh(
     normals = None if face_normals else _vertex_normals(data, linear, vertices, faces)
     if normals is not None and flip_normals:
         normals = -normals
-    with np.errstate(over="ignore", invalid="ignore"):  # judged where one is used
+    with np.errstate(over="ignore", invalid="ignore"):  # checked where values are used
         attributes = {
             name: (of[keep] if name.startswith("face_") else of).astype(np.float32)
             for name, of in data.attributes.items()
@@ -124,13 +124,13 @@ def _placed(
     offset: NDArray[np.float64],
     location: Location,
 ) -> NDArray[np.float32]:
-    """Return the vertices in the world, as Mitsuba rounds them where that is close."""
+    """Return the vertices in world space, rounded as in Mitsuba if that is accurate."""
     vertices = np.empty(data.vertices.shape, np.float32)
     points = np.ascontiguousarray(data.vertices)
     matrix = np.column_stack((linear, offset))
     found = in_parts(len(points), place_vertices, points, matrix, vertices)
     largest, error = np.reshape(found, (-1, 2)).max(axis=0, initial=0.0)
-    # far from the origin single precision would lose what the transform brings back
+    # far from the origin single precision would lose digits that cancel in the transform
     if error <= 16 * 2.0**-24 * largest and largest <= np.finfo(np.float32).max:
         return vertices
     with np.errstate(over="ignore", invalid="ignore"):
@@ -147,9 +147,9 @@ def _placed(
 def _degenerate(
     vertices: NDArray[np.float32], faces: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
-    """Mark triangles without area, (F,): a corner twice, or all three in one line."""
+    """Return the mask (F,) of triangles without area: equal or collinear corners."""
     flat = np.empty(len(faces), np.bool_)
-    # The least area: float32 kernels could not normalize a normal of less.
+    # A triangle with a smaller area has a normal that float32 kernels cannot normalise.
     settings = _FLAT, np.finfo(np.float32).tiny
     in_parts(len(faces), mark_flat, vertices, faces, *settings, flat)
     return flat
@@ -161,11 +161,11 @@ def _vertex_normals(
     vertices: NDArray[np.float32],
     faces: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """Return unit vertex normals (V, 3): those of the file, computed where it has none."""
+    """Return unit vertex normals (V, 3): those of the file, or computed ones."""
     if (given := data.normals) is None:
         return smooth_normals(vertices, faces)
-    # Normals are planes: they go by the inverse transpose (rows, so from the right).
-    # Only directions count, and scaling first keeps extreme transforms from overflow.
+    # Normals are transformed by the inverse transpose (rows, so from the right). Only
+    # directions matter, and the scaling keeps extreme transforms from overflowing.
     inverse = np.linalg.inv(linear / np.abs(linear).max())
 
     def turned(begin: int, end: int) -> NDArray[np.float64]:
@@ -182,18 +182,18 @@ def _vertex_normals(
 def _as_mitsuba_rounds(
     exact: NDArray[np.float64], linear: NDArray[np.float64], given: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return unit normals with Mitsuba's roundings, where it is no more than roundings.
+    """Return unit normals with Mitsuba's rounding, where they differ by rounding only.
 
-    A path that bounces a hundred times inside of a ring multiplies the last bit.
+    A path with a hundred bounces inside of a ring amplifies the last bit.
     """
     rounded = transforms.place_normals(linear, given)
     close = np.abs(rounded - exact).max(axis=1, keepdims=True) <= 16 * 2.0**-24
-    return np.where(close, rounded, exact)  # NaN is not close: what was given stays
+    return np.where(close, rounded, exact)  # NaN is never close: `exact` is kept
 
 
 def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rows of length 1; NaN rows stay NaN. No row may be zero."""
-    rows = rows / np.abs(rows).max(axis=1, keepdims=True)  # squares cannot overflow now
+    rows = rows / np.abs(rows).max(axis=1, keepdims=True)  # so that squares do not overflow
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
@@ -224,7 +224,7 @@ def smooth_normals(
         np.arctan2(np.sqrt(part), np.sqrt(along), out=part)
 
     in_parts(len(faces), measure)
-    sums = np.zeros((3, len(vertices), 3))  # one of each corner: no two threads add to it
+    sums = np.zeros((3, len(vertices), 3))  # one for each corner: each has its own thread
 
     def add(corner: int) -> None:
         add_at_corners(corner, faces, face_normals, angles, sums[corner])
@@ -238,8 +238,8 @@ def smooth_normals(
 # --------------------------------------------------------------------------------- cube
 # The `cube` plugin: [-1, 1]^3 as a mesh of 24 vertices and 12 triangles.
 
-# Each side's four corners, in the order of Mitsuba's cube so that primitive indices and
-# uv agree: two triangles (0, 1, 2) and (3, 0, 2) a side, uv (0,1) (1,1) (1,0) (0,0).
+# The four corners of each side in the order of Mitsuba's cube, so that primitive indices
+# and uv agree: two triangles (0, 1, 2) and (3, 0, 2) per side, uv (0,1) (1,1) (1,0) (0,0).
 _SIDES = (
     ((0, -1, 0), ((1, -1, -1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1))),
     ((0, 1, 0), ((1, 1, -1), (-1, 1, -1), (-1, 1, 1), (1, 1, 1))),
@@ -255,8 +255,8 @@ _TRIANGLES = ((0, 1, 2), (3, 0, 2))
 def cube_mesh() -> MeshData:
     """Return the cube of edge 2 around the origin, normals outward.
 
-    Its corners have one normal a side, so `face_normals` means nothing to it (Mitsuba
-    ignores the property here): call `build_mesh` with False.
+    Its corners have one normal per side, so `face_normals` has no effect (Mitsuba ignores
+    it here): call `build_mesh` with False.
     """
     first_corners = 4 * np.arange(6, dtype=np.int32)[:, None, None]
     return MeshData(

@@ -1,4 +1,4 @@
-"""Arrays of a mesh, checked; its surface area; grids of texture coordinates."""
+"""`MeshData`: checked arrays of a mesh; surface areas; grids of texture coordinates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def surface_area(shape: Shape) -> float:
     Raises
     ------
     TypeError
-        For a kind of shape that has no formula here.
+        If there is no formula for this kind of shape.
     """
     with np.errstate(over="ignore"):
         match shape:
@@ -50,19 +50,19 @@ def surface_area(shape: Shape) -> float:
 
 
 # ------------------------------------------------------------------------------ uv grid
-# Triangles by their texture coordinates: a grid over (u, v), and whether two overlap.
+# A uniform grid of triangles over (u, v), and a test for overlapping triangles.
 
 _MOST_CELLS = 512  # along each axis
-_MOST_CENTERS = 4096  # that are looked at
+_MOST_CENTERS = 4096  # number of centroids that are tested
 
 
 class UvGrid(NamedTuple):
     """Cells of equal size, row by row, and the triangles in each."""
 
-    low: NDArray[np.float64]  # (2,) least u and v
+    low: NDArray[np.float64]  # (2,) smallest u and v
     scale: NDArray[np.float64]  # (2,) cells per unit
     cells: int  # along each axis
-    start: NDArray[np.int64]  # (cells^2 + 1,) where the list of a cell begins
+    start: NDArray[np.int64]  # (cells^2 + 1,) first entry of each cell
     entries: NDArray[np.int64]  # triangles
 
     def cell_of(self, p: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -71,12 +71,12 @@ class UvGrid(NamedTuple):
         return np.asarray(j * self.cells + i)
 
     def members(self, cell: int) -> NDArray[np.int64]:
-        """Return the triangles whose box meets a cell."""
+        """Return the triangles whose box overlaps a cell."""
         return self.entries[self.start[cell] : self.start[cell + 1]]
 
 
 def uv_grid(points: NDArray[np.float64]) -> UvGrid:
-    """Return a grid of triangles (n, 3, 2), which are listed where their boxes are."""
+    """Return a grid of triangles (n, 3, 2), listed in all cells that boxes overlap."""
     cells = int(min(max(np.ceil(np.sqrt(len(points))), 1), _MOST_CELLS))
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     size = np.maximum(high - low, 1e-30)
@@ -99,10 +99,10 @@ def uv_grid(points: NDArray[np.float64]) -> UvGrid:
 
 
 def overlap(points: NDArray[np.float64]) -> bool:
-    """Return whether triangles (n, 3, 2) cover a part of the plane twice.
+    """Return whether triangles (n, 3, 2) overlap.
 
-    By the centres of some of them: it finds the sides of a box that share a square, and
-    whatever lies on another by the half; a sliver may pass.
+    Only the centroids of some triangles are tested. This finds the sides of a box that
+    share a square, and triangles that overlap by half; a sliver may be missed.
     """
     grid = uv_grid(points)
     centers = points[:: len(points) // _MOST_CENTERS + 1].mean(axis=1)
@@ -126,7 +126,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 # ---------------------------------------------------------------------------- mesh data
-# MeshData: triangles as a mesh file gives them, before any transform.
+# MeshData: the triangles of a mesh file before any transform.
 
 _BLANKS = bytes(b for b in range(256) if chr(b).isspace())  # between words of latin-1
 
@@ -136,19 +136,19 @@ class MeshData:
     """Triangles in local coordinates; every index is in range."""
 
     vertices: NDArray[np.float64]  # (V, 3) finite
-    faces: NDArray[np.int32]  # (F, 3) in [0, V); degenerate ones still in
-    normals: NDArray[np.float64] | None = None  # (V, 3), any length; a NaN row: not given
+    faces: NDArray[np.int32]  # (F, 3) in [0, V); may be degenerate
+    normals: NDArray[np.float64] | None = None  # (V, 3), any length; NaN: not given
     uvs: NDArray[np.float64] | None = None  # (V, 2) finite
     source: str = "<memory>"  # for messages: the file
     warnings: tuple[str, ...] = ()  # for the log
-    # "vertex_..." (V, size) and "face_..." (F, size), of any value until a texture uses it
+    # "vertex_..." (V, size) and "face_..." (F, size), checked when a texture uses them
     attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def read_mesh_bytes(path: Path, what: str = "mesh") -> bytes:
-    """Read a whole file of a mesh but for a byte order mark, or say why that cannot be.
+    """Read a mesh file as a whole, without a byte order mark, or raise SceneError.
 
-    `what` it is of, for messages.
+    `what` names the kind of file in messages.
     """
     try:
         content = path.read_bytes()
@@ -165,12 +165,12 @@ def read_mesh_bytes(path: Path, what: str = "mesh") -> bytes:
 
 
 def require_for_words(content: bytes, each: int, path: Path, what: str = "mesh") -> None:
-    """Refuse a text of more words than there is memory, `each` bytes for one at the peak.
+    """Refuse a text with more words than fit into memory, at `each` bytes per word.
 
     Raises
     ------
     NotAllowed
-        With both numbers.
+        With the needed and the available memory.
     """
     gaps = len(content) - len(content.translate(None, _BLANKS))
     memory.require(each * gaps + 3 * len(content), f"{path}: the {what}")
@@ -184,19 +184,19 @@ def parse_numbers(
     Parameters
     ----------
     texts
-        Words of N lines, `width` of each in a row.
+        Words of N lines, `width` words per line.
     lines
-        Of the file, (N,).
+        Line numbers in the file, (N,).
     what
-        A line of the file is, for messages: "a vertex".
+        What a line of the file is, for messages: "a vertex".
 
     Raises
     ------
     SceneError
-        With file and line of the first word that is no number.
+        With file and line of the first word that is not a number.
     """
     try:
-        if "_" in "".join(texts):  # Python's 1_0 is 10
+        if "_" in "".join(texts):  # Python would read 1_0 as 10
             raise ValueError
         values = np.fromiter(map(float, texts), np.float64, len(texts))
     except ValueError:
@@ -209,7 +209,7 @@ def parse_numbers(
 
 
 def is_number(word: str | bytes) -> bool:
-    """Return whether a word of a file is a number; Python's 1_0 is none."""
+    """Return whether a word of a file is a number; `1_0` is not, unlike in Python."""
     try:
         float(word)
     except ValueError:
@@ -223,14 +223,14 @@ def first_not_finite(rows: NDArray[np.float64]) -> int:
     Parameters
     ----------
     rows
-        (N, K) values, about to become float32.
+        (N, K) values that will be converted to float32.
     """
     good = _finite(rows)
     return -1 if good.all() else int(np.argmin(good))
 
 
 def _finite(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
-    # Written with <= so that a NaN, which compares false, counts as bad.
+    # Written with <= so that NaN, which compares false, is not finite.
     most = np.finfo(np.float32).max
     if rows.max(initial=0.0) <= most and rows.min(initial=0.0) >= -most:
         return np.ones(len(rows), np.bool_)  # a tenth of the time for nearly all meshes
@@ -238,13 +238,13 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def flipped(v: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return 1 - v, rounded as Mitsuba rounds it."""
-    with np.errstate(over="ignore", invalid="ignore"):  # judged later
+    """Return 1 - v, rounded as in Mitsuba."""
+    with np.errstate(over="ignore", invalid="ignore"):  # values are checked later
         return np.asarray(np.float32(1.0) - v.astype(np.float32))
 
 
 def first_out_of_range(faces: NDArray[Any], vertex_count: int) -> int:
-    """Return the first face with an index not among 0, 1, ..., vertex_count - 1, or -1."""
+    """Return the first face with an index outside of [0, vertex_count), or -1."""
     whole = faces.dtype.kind in "iu"
     if whole and faces.min(initial=0) >= 0 and faces.max(initial=0) < vertex_count:
         return -1
@@ -263,16 +263,15 @@ def judged_mesh(
 ) -> MeshData:
     """Return the mesh of a file whose numbers may be NaN or infinite.
 
-    What can be done without is replaced, in place, and counted in a warning: positions that
-    no face uses, normals without a direction, uv.
+    Invalid values that are not essential are replaced in place and counted in a warning:
+    positions that no face uses, normals without a direction, uv.
 
     Parameters
     ----------
     line_of
-        Of text files: in which line of the file a vertex has its "position", "normal" or
-        "uv".
+        For text files: (a vertex's "position", "normal" or "uv"; its index) -> its line.
     has_normal
-        (V,) whether the file gives the vertex a normal; None: to all or none.
+        (V,) whether the file gives the vertex a normal; None: all or no vertices have one.
 
     Raises
     ------
@@ -323,5 +322,5 @@ def judged_mesh(
 
 
 def show_numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
-    """Return `(1, nan, 0.5)`, the form of a point in messages."""
+    """Return `(1, nan, 0.5)`: a point as messages show it."""
     return "(" + ", ".join(f"{value:.9g}" for value in values) + ")"

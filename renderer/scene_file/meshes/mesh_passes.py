@@ -1,6 +1,6 @@
-"""Passes over the vertices and triangles of a mesh, as kernels: each reads memory once.
+"""Kernels for passes over the vertices and triangles of a mesh; each reads memory once.
 
-Sums are in double precision and in the order that NumPy adds them up.
+Sums are in double precision and in NumPy's order.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from renderer.kernels.jit import entry_kernel, kernel
 
 @entry_kernel
 def place_vertices(begin, end, points, matrix, placed):
-    """Write points under an affine transform, rounded as `transforms.place_points` does.
+    """Write points under an affine transform, rounded as in `transforms.place_points`.
 
     Returns
     -------
     largest, error
-        The largest absolute coordinate in double precision, and how far from it the rounded
-        one is at most; infinite if one of them is no number.
+        The largest absolute coordinate in double precision, and the largest difference of
+        the rounded coordinates; infinite if one of them is NaN.
     """
     largest = error = 0.0
     for k in range(begin, end):
@@ -37,13 +37,13 @@ def place_vertices(begin, end, points, matrix, placed):
 
 @kernel
 def _larger(value, most):
-    """Return the larger one; infinity if `value` is no number."""
+    """Return the maximum; infinity if `value` is NaN."""
     return most if value <= most else (value if value > most else np.inf)
 
 
 @entry_kernel
 def mark_flat(begin, end, vertices, faces, part, least, flat):
-    """Set `flat` for faces without area: a `part` of the longest edge, or below `least`."""
+    """Set `flat` where 2 area <= `part` longest edge^2, or 2 area < `least`."""
     for k in range(begin, end):
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
         side_b, side_c = _edge(vertices, a, b), _edge(vertices, a, c)
@@ -55,10 +55,10 @@ def mark_flat(begin, end, vertices, faces, part, least, flat):
 
 @entry_kernel
 def measure_corners(begin, end, vertices, faces, normals, across, along):
-    """Write unit normals of faces, and of each corner the sides' difference and sum.
+    """Write unit normals of faces, and for each corner |difference| and |sum| of its sides.
 
-    Their squared lengths, of sides of length 1: half of the angle is the arc tangent of one
-    length by the other, exact where arccos of a dot product is not (Kahan).
+    These are the squared lengths for sides of length 1. Half of the corner's angle is the
+    arc tangent of the ratio of the lengths, which is accurate where arccos is not (Kahan).
     """
     for k in range(begin, end):
         a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
@@ -66,7 +66,7 @@ def measure_corners(begin, end, vertices, faces, normals, across, along):
         normals[k, 0], normals[k, 1], normals[k, 2] = n
         before, after = _unit(_edge(vertices, c, a)), _unit(_edge(vertices, a, b))
         for j in range(3):
-            # the side before a corner points to it
+            # the side before a corner points to the corner
             less = after[0] + before[0], after[1] + before[1], after[2] + before[2]
             more = after[0] - before[0], after[1] - before[1], after[2] - before[2]
             across[k, j] = _squared(less)
@@ -77,7 +77,7 @@ def measure_corners(begin, end, vertices, faces, normals, across, along):
 
 @entry_kernel
 def add_at_corners(corner, faces, normals, half_angles, sums):
-    """Add the normals of faces, times the angle, to `sums` of the vertex at one corner."""
+    """Add the angle-weighted normals of faces to `sums` of the vertices at one corner."""
     for k in range(faces.shape[0]):
         vertex, angle = faces[k, corner], 2.0 * half_angles[k, corner]
         for j in range(3):
@@ -86,7 +86,7 @@ def add_at_corners(corner, faces, normals, half_angles, sums):
 
 @entry_kernel
 def unit_sums(begin, end, first, second, third, normals):
-    """Write what the sums at all corners point to; (1, 0, 0) where they are 0."""
+    """Write the direction of the sums over all corners; (1, 0, 0) where they are 0."""
     for k in range(begin, end):
         x = (first[k, 0] + second[k, 0]) + third[k, 0]
         y = (first[k, 1] + second[k, 1]) + third[k, 1]

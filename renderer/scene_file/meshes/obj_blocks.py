@@ -1,8 +1,8 @@
-"""OBJ files a block of bytes at a time, by kernels on all cores.
+"""Reads OBJ files in blocks of bytes, with kernels on all cores.
 
-`obj_file` reads line by line, and says what is wrong with a file. What is read here is what
-nearly all files are made of: numbers, as many on each line as its kind needs, and corners
-with indices from 1. For anything else the answer is None.
+`obj_file` reads line by line and reports errors. This module reads what nearly all files
+consist of: the usual number of numbers per line, and corners with indices from 1. For
+anything else it returns None.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from renderer.scene_file.meshes.obj_kernels import (
 
 Integers = NDArray[np.int64]
 
-WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers that count on each line
+WIDTHS = {"v": 3, "vt": 2, "vn": 3}  # numbers that are used on each line
 KINDS = (*WIDTHS, "f")
-_BLOCK = 1 << 20  # bytes whose lines one thread reads at a time
+_BLOCK = 1 << 20  # bytes; a thread reads the lines that begin in a block
 
 
 class Blocks(NamedTuple):
@@ -36,30 +36,30 @@ class Blocks(NamedTuple):
     v: NDArray[np.float64]  # (n, 3)
     vt: NDArray[np.float64]  # (n, 2)
     vn: NDArray[np.float64]  # (n, 3)
-    begins: tuple[Integers, ...]  # of the line of each row of v, vt, vn, in bytes
-    corners: NDArray[np.int32]  # (3, corners) indices of v, vt, vn from 1; 0: none given
-    face_sizes: NDArray[np.int32]  # corners of each face
-    other: Integers  # (n, 2): number from 1, and first byte, of lines of other kinds
+    begins: tuple[Integers, ...]  # byte offset of the line of each row of v, vt, vn
+    corners: NDArray[np.int32]  # (3, corners) indices of v, vt, vn from 1; 0: absent
+    face_sizes: NDArray[np.int32]  # number of corners of each face
+    other: Integers  # (n, 2): line number from 1 and byte offset of other lines
 
 
 def read_blocks(
     content: bytes, *, face_normals: bool, what: str = "an OBJ file"
 ) -> Blocks | None:
-    """Return the numbers of a file; None if it has to be read line by line.
+    """Return the numbers of a file; None if it must be read line by line.
 
     Parameters
     ----------
     content
-        The file.
+        Bytes of the file.
     face_normals
-        Skip the numbers of `vn` lines.
+        Ignore the numbers of `vn` lines.
     what
         Beginning of the message about memory.
 
     Raises
     ------
     NotAllowed
-        If the numbers, and the mesh that is made of them, take more memory than there is.
+        If the numbers and the mesh need more memory than is available.
     """
     if b"\\" in content:  # may join lines
         return None
@@ -74,7 +74,7 @@ def read_blocks(
     in_threads(default_threads(), blocks, count)
     before = np.cumsum(counts, axis=0)
     _, v, vt, vn, faces, others, corners = before[-1].tolist()
-    # numbers, begins of lines, and what `distinct` and fans of triangles take
+    # numbers, line offsets, and the temporary arrays of `distinct` and of triangle fans
     rows, of_corners = 32 * (v + vn) + 24 * vt, 76 * corners + 12 * faces
     memory.require(rows + 4 * v + of_corners + 64 * others, what)
     found = Blocks(
@@ -103,7 +103,7 @@ def read_blocks(
 
 
 def _read_again(content: bytes, begins: Integers, rows: NDArray[np.float64]) -> bool:
-    """Fill the rows that hold NaN; return whether they are of numbers."""
+    """Read rows that contain NaN again in Python; return whether all are numbers."""
     for k in np.flatnonzero(np.isnan(rows).any(axis=1)).tolist():
         end = content.find(b"\n", begins[k])
         line = content[begins[k] : end if end >= 0 else None]
@@ -117,14 +117,14 @@ def _read_again(content: bytes, begins: Integers, rows: NDArray[np.float64]) -> 
 def distinct(
     corners: NDArray[np.int32], positions: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Merge equal corners into vertices, in the order in which they come first.
+    """Merge equal corners into vertices, in the order of their first use.
 
     Returns
     -------
     keys
         (V, 3) the distinct corners.
     vertex
-        (corners,) the vertex of each.
+        (corners,) the vertex of each corner.
     """
     count = corners.shape[1]
     keys = np.empty((count, 3), np.int32)
@@ -137,7 +137,7 @@ def distinct(
 def _distinct_by_sorting(
     corners: NDArray[np.int32],
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Do as `distinct` where one position has many uv or normals."""
+    """Return the same by sorting, if one position has many uv or normals."""
     keys, first, vertex = np.unique(
         corners.T, axis=0, return_index=True, return_inverse=True
     )

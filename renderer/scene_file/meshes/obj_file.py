@@ -1,8 +1,9 @@
 """Wavefront OBJ files: `v`, `vt`, `vn` and `f` lines, as Mitsuba's `obj` plugin reads them.
 
-Most files are read a block at a time (`obj_blocks`), unusual and faulty ones line by line.
+Most files are read in blocks (`obj_blocks`), unusual and invalid ones line by line.
 
-Beyond Mitsuba: negative (relative) indices and lines continued with a backslash.
+Unlike Mitsuba, negative (relative) indices and lines continued by a backslash are
+supported.
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ from renderer.scene_file.meshes.mesh_data import (
 )
 from renderer.scene_file.meshes.obj_blocks import KINDS, Blocks, distinct, read_blocks
 
-# Lines of the format that say nothing about triangles; any other word is reported.
+# Keywords without an effect on triangles; any other word is reported.
 _NOT_GEOMETRY = frozenset(("g", "o", "s", "usemtl", "mtllib", "mg", "lod", "bevel"))
 
 
 @dataclass
 class _Table:
-    """The numbers of all lines of one kind, still as text, with their line numbers."""
+    """The numbers of all lines of one kind, as text, with their line numbers."""
 
     what: str  # for messages
-    width: int  # numbers that count on each line
+    width: int  # numbers that are used on each line
     texts: list[str] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
 
@@ -47,15 +48,15 @@ class _Table:
 
 @dataclass
 class _Tables:
-    """The content of a file, line kinds apart, before any number is read."""
+    """The content of a file by kind of line, before numbers are parsed."""
 
     v: _Table = field(default_factory=lambda: _Table("vertex", 3))
     vt: _Table = field(default_factory=lambda: _Table("texture coordinate", 2))
     vn: _Table = field(default_factory=lambda: _Table("normal", 3))
-    corners: list[str] = field(default_factory=list)  # "7/2/3", of all faces in a row
-    face_sizes: list[int] = field(default_factory=list)  # corners of each face
+    corners: list[str] = field(default_factory=list)  # "7/2/3", of all faces in order
+    face_sizes: list[int] = field(default_factory=list)  # number of corners of each face
     face_lines: list[int] = field(default_factory=list)
-    # corners whose relative indices count back too far -> as the file has them
+    # corners whose relative indices are out of range -> their text in the file
     unresolved: dict[str, str] = field(default_factory=dict)
     skipped: list[tuple[int, str]] = field(default_factory=list)  # unknown (line, word)
 
@@ -65,27 +66,27 @@ def read_obj(
 ) -> MeshData:
     """Read an OBJ file.
 
-    Vertices come in the order in which faces first use them, polygons become fans around
-    their first corner, a corner without `vt` gets uv (0, 0), one without `vn` a computed
-    normal; groups and materials do not split the mesh.
+    Vertices are in the order of their first use by faces. Polygons become fans around their
+    first corner. A corner without `vt` gets uv (0, 0), one without `vn` a computed normal.
+    Groups and materials do not split the mesh.
 
     Parameters
     ----------
     path
         The file.
     flip_tex_coords
-        Read v as 1 - v. True is Mitsuba's default for obj.
+        Replace v by 1 - v. True is Mitsuba's default for obj.
     face_normals
-        Do not look at the normals of the file, nor at their indices.
+        Ignore the normals of the file and their indices.
 
     Raises
     ------
     SceneError
-        With file and line: missing or unreadable file, text in place of a number, a used
+        With file and line: a missing or unreadable file, text in place of a number, a used
         position that is not finite, an index out of range, a face with less than three
-        corners, no face.
+        corners, or no face.
     """
-    # latin-1 maps every byte to a character: names may be in any encoding.
+    # latin-1 decodes every byte: names may be in any encoding
     content = read_mesh_bytes(path)
     memory.require(7 * len(content), f"{path}: the mesh")  # of short lines
     blocks = read_blocks(content, face_normals=face_normals, what=f"{path}: the mesh")
@@ -99,7 +100,7 @@ def read_obj(
 
     normal = uv = None
     if keys[:, 2].any():
-        # Row 0 stands for "not given", index 1 of the file is row 1.
+        # Row 0 stands for "absent"; index 1 of the file is row 1.
         normal = np.vstack((np.full((1, 3), np.nan), normals))[keys[:, 2]]
     if keys[:, 1].any():
         if flip_tex_coords:
@@ -130,17 +131,17 @@ class _Parsed(NamedTuple):
     vertices: NDArray[np.float64]
     uvs: NDArray[np.float64]
     normals: NDArray[np.float64]
-    keys: NDArray[Any]  # (V, 3): index of v, vt, vn of each vertex; 0: none given
-    corner_vertex: NDArray[np.int32]  # (corners,): the vertex of each corner
+    keys: NDArray[Any]  # (V, 3): index of v, vt, vn of each vertex; 0: absent
+    corner_vertex: NDArray[np.int32]  # (corners,): vertex of each corner
     face_sizes: NDArray[Any]
-    line_of: Callable[[int, int], int]  # (0 for v, 1 for vt, 2 for vn; which, from 0)
+    line_of: Callable[[int, int], int]  # (0 for v, 1 for vt, 2 for vn; index) -> line
     skipped: list[tuple[int, str]]  # unknown (line, word)
 
 
 def _of_blocks(blocks: Blocks, content: bytes) -> _Parsed | None:
-    """Return what is read of blocks, and look at the lines of other kinds.
+    """Return the numbers that were read in blocks; check the other lines.
 
-    None if one of these is geometry after all, such as a line that is indented.
+    None if one of these is geometry, such as an indented line.
     """
     skipped = []
     for number, begin in blocks.other:
@@ -163,7 +164,7 @@ def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
     """Read a file line by line."""
     tables = _Tables()
     if face_normals:
-        tables.vn.width = 0  # of whose lines no number is read
+        tables.vn.width = 0  # their numbers are not parsed
     _split_lines(text, tables, path)
     each = (tables.v, tables.vt, tables.vn)
     vertices, uvs, normals = (
@@ -185,7 +186,7 @@ def _read_lines(text: str, path: Path, face_normals: bool) -> _Parsed:
 
 
 def _split_lines(text: str, tables: _Tables, path: Path) -> None:
-    """Sort the lines of a file by kind. One loop over all lines: keep it lean."""
+    """Sort the lines of a file by kind. This loop runs over all lines: keep it fast."""
     lines = text.split("\n")
     if "\\" in text:
         _join_continued(lines)
@@ -224,14 +225,14 @@ def _join_continued(lines: list[str]) -> None:
     for index in range(len(lines) - 1):
         bare = lines[index].rstrip("\r")
         if bare.endswith("\\"):
-            lines[index] = ""  # keeps the numbers of the lines that follow
+            lines[index] = ""  # keeps the line numbers
             lines[index + 1] = bare[:-1] + " " + lines[index + 1]
 
 
 def _absolute(corner: str, tables: _Tables) -> str:
-    """Rewrite a corner with negative indices: -1 is the newest of its kind so far.
+    """Replace negative indices of a corner: -1 is the newest of its kind so far.
 
-    One that counts back beyond the first stays negative, which no index may be.
+    An index out of range stays negative, and is reported later.
     """
     parts = corner.split("/")
     too_far = False
@@ -240,7 +241,7 @@ def _absolute(corner: str, tables: _Tables) -> str:
             try:
                 index = len(table) + 1 + int(parts[place])
             except ValueError:
-                continue  # reported with the other corners that are no integers
+                continue  # reported with other corners that are not integers
             if 0 < index <= len(table):  # not -0
                 parts[place] = str(index)
             else:
@@ -259,11 +260,11 @@ def _distinct_corners(
     Returns
     -------
     keys
-        (V, 3): index of v, vt, vn of each vertex, from 1; 0 for none given.
+        (V, 3): index of v, vt, vn of each vertex, from 1; 0 if absent.
     corner_vertex
-        (corners,): the vertex of each corner.
+        (corners,): vertex of each corner.
     """
-    # Texts first, integers after: a mesh has about six corners for each distinct one.
+    # Texts are merged first, then parsed: a mesh has about six corners per distinct one.
     text_ids: dict[str, int] = {}
     corner_text = [text_ids.setdefault(text, len(text_ids)) for text in tables.corners]
     key_ids: dict[tuple[int, int, int], int] = {}
@@ -292,7 +293,7 @@ def _distinct_corners(
 
 
 def _parse_corner(text: str) -> tuple[int, int, int] | None:
-    """Read `v/vt/vn` as three integers, 0 where one is left out; None if it is no such."""
+    """Parse `v/vt/vn` to three integers, 0 for absent ones; None if it is invalid."""
     parts = text.split("/")
     if len(parts) > 3:
         return None
@@ -305,7 +306,7 @@ def _parse_corner(text: str) -> tuple[int, int, int] | None:
 
 
 def _line_of_corner(tables: _Tables, text: str) -> int:
-    """Return the line of the first face with this corner, for a message."""
+    """Return the line of the first face with this corner, for messages."""
     ends = np.cumsum(tables.face_sizes)
     face = int(np.searchsorted(ends, tables.corners.index(text), side="right"))
     return tables.face_lines[face]
@@ -327,13 +328,13 @@ def _fan(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
     starts = np.cumsum(sizes) - sizes
     counts = sizes - 2
     first = np.repeat(starts, counts)
-    # Number of each triangle within its polygon: 0, 1, ...
+    # number of each triangle within its polygon: 0, 1, ...
     within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.column_stack((first, first + within + 1, first + within + 2))
 
 
 def _missing(keys: NDArray[np.int64], path: Path) -> list[str]:
-    """Warn of corners that lack what others have: in Mitsuba it is left to chance."""
+    """Warn of corners that lack what others have: Mitsuba's result is then undefined."""
     found = []
     for column, word, instead in ((1, "vt", "uv (0, 0)"), (2, "vn", "a computed normal")):
         lacking = int((keys[:, column] == 0).sum())

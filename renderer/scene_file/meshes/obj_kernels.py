@@ -1,6 +1,6 @@
-"""The bytes of OBJ files: which lines there are, and what numbers they hold.
+"""Kernels that parse OBJ files: the kinds of lines, and their numbers.
 
-Text is an array of bytes. What is not plain is left to Python.
+Text is an array of bytes. Unusual syntax is left to Python.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from renderer.kernels.jit import entry_kernel, kernel
 _LINES, _FACES, _OTHERS, _CORNERS = 0, 4, 5, 6
 _NEWLINE, _HASH, _SLASH, _POINT, _PLUS, _MINUS, _ZERO = b"\n#/.+-0"
 _F, _N, _T, _V, _E, _SMALL_E = b"fntvEe"
-# What a line is: read; with numbers that Python has to read; not for these kernels at all.
+# Kinds of lines: parsed here; with numbers for Python to parse; not supported here.
 PLAIN, _HARD, UNUSUAL = range(3)
 _LONGEST = 64
 _NOTHING = 5
 LARGEST = 2**31 - 1
-_POWERS = np.array([10.0**k for k in range(23)])  # all that double precision has exactly
+_POWERS = np.array([10.0**k for k in range(23)])  # exact in double precision
 _NAN = np.nan
 
 
 @entry_kernel
 def number_corners(corners, newest, following, keys, vertex):
-    """Write the vertex of each corner; return how many there are.
+    """Write the vertex of each corner; return the number of vertices.
 
-    Those with one v are a chain, the newest first. -1 if one is longer than `_LONGEST`,
-    since the time grows with the square of it.
+    Corners with the same v form a chain, newest first. Returns -1 if a chain is longer than
+    `_LONGEST`, since the time grows with the square of its length.
     """
     count = 0
     for k in range(corners.shape[1]):
@@ -51,7 +51,7 @@ def number_corners(corners, newest, following, keys, vertex):
 
 @entry_kernel
 def count_lines(text, begin, end, counts):
-    """Count what the lines are that begin in a block."""
+    """Count the lines that begin in a block, by kind."""
     at = _first_line(text, begin)
     end = min(end, text.shape[0])
     while at < end:
@@ -71,9 +71,9 @@ def count_lines(text, begin, end, counts):
 def read_lines(
     text, begin, end, before, most, with_normals, v, vt, vn, begins, corners, sizes, other
 ):
-    """Write what the lines hold that begin in a block; return whether that was all plain.
+    """Write the numbers of the lines that begin in a block; return whether all were plain.
 
-    `before` are the counts of the blocks before it.
+    `before` has the counts of the previous blocks.
     """
     line, i, j, k, face, others, corner = before
     at = _first_line(text, begin)
@@ -117,7 +117,7 @@ def read_lines(
 
 @kernel
 def _read_corner(text, at, most, corners, corner):
-    """Write the indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`; return where it ends."""
+    """Write the indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`; return the end position."""
     part = index = 0
     while True:
         over = _ends_word(text, at)
@@ -140,7 +140,7 @@ def _read_corner(text, at, most, corners, corner):
 
 @kernel
 def _read_row(text, at, row):
-    """Write as many numbers as the row has; return where they end, and what they are."""
+    """Write the numbers of a row; return the end position and the kind of the line."""
     state = PLAIN
     for j in range(row.shape[0]):
         at = _next_word(text, at)
@@ -155,7 +155,7 @@ def _read_row(text, at, row):
 
 @kernel
 def _number(text, at):
-    """Return a number, rounded correctly, or NaN for Python to read; and where it ends."""
+    """Return a number, correctly rounded, or NaN for Python to parse; and its end."""
     negative = text[at] == _MINUS
     if negative or text[at] == _PLUS:
         at += 1
@@ -196,11 +196,11 @@ def _number(text, at):
 
 @kernel
 def _scaled(mantissa, power):
-    """Return mantissa 10^power for less than 10^18, rounded once; NaN where that is hard.
+    """Return mantissa 10^power for mantissas below 10^18, rounded once; NaN if uncertain.
 
-    Below 2^53 it is one exact number times or over another [Clinger1990]. Others are the
-    sum of two: what is left of the first by the division is exact, and two sums in which
-    it is a little too large and too small agree, or rounding is in doubt.
+    Below 2^53 it is one exact product or quotient [Clinger1990]. Others are a sum of two
+    numbers. The remainder of the division is exact. If the sums with a slightly larger and
+    a slightly smaller second number differ, the rounding is uncertain.
     """
     if mantissa == 0:
         return 0.0
@@ -241,7 +241,7 @@ def _exact_product(a, b):
 
 @kernel
 def _first_line(text, begin):
-    """Return where the first line begins that begins in a block."""
+    """Return the start of the first line that begins in a block."""
     return begin if begin == 0 else _next_line(text, begin - 1)
 
 
@@ -254,9 +254,9 @@ def _next_line(text, at):
 
 @kernel
 def _kind_of_line(text, at):
-    """Return the place of its first word in `KINDS`, 4 for other words; and its end.
+    """Return the index of the first word of a line in `KINDS`, 4 for others; and its end.
 
-    `_NOTHING` for lines that are empty or a comment.
+    Empty lines and comments have the kind `_NOTHING`.
     """
     if text[at] == _F and _is_blank(text, at + 1):
         return 3, at + 1
@@ -275,7 +275,7 @@ def _kind_of_line(text, at):
 
 @kernel
 def _is_blank(text, at):
-    """Tell whether there is no word at a byte; control characters are no blanks."""
+    """Return whether a byte is white space; control characters are not."""
     return at >= text.shape[0] or text[at] == 32 or 9 <= text[at] <= 13
 
 
@@ -298,7 +298,7 @@ def _end_of_word(text, at):
 
 @kernel
 def _next_word(text, at):
-    """Return where a word begins, or the line ends."""
+    """Return the start of the next word, or the end of the line."""
     while _is_blank(text, at) and not _ends_line(text, at):
         at += 1
     return at

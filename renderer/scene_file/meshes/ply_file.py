@@ -28,11 +28,11 @@ from renderer.scene_file.meshes.ply_records import (
 )
 
 # ----------------------------------------------------------------------- ply attributes
-# Attributes of PLY meshes: the fields that are no positions, put together by their names.
+# Attributes of PLY meshes: properties other than positions, combined by their names.
 #
-# As Mitsuba's `ply` plugin does it: `r g b` or `red green blue` are the attribute
-# `vertex_color`; others are a name, `_` and a letter or digit, in the order of one of the
-# sequences below: `heat_x` is `vertex_heat`, but of letters of a colour
+# As in Mitsuba's `ply` plugin, `r g b` or `red green blue` are the attribute
+# `vertex_color`. Others are a name, `_` and a letter or digit, in the order of one of the
+# sequences below: `heat_x` ... is `vertex_heat`; with the letters of a colour it is
 # `vertex_heat_color`.
 
 _COLORS = (("r", "g", "b", "a"), ("red", "green", "blue", "alpha"))
@@ -43,7 +43,7 @@ _KNOWN = {"x", "y", "z", "nx", "ny", "nz", "u", "v", "s", "t", "texture_u", "tex
 def ply_attributes(
     columns: Columns, element: str, path: Path
 ) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """Return the attributes of the vertices or faces, (records, size), and warnings."""
+    """Return the attributes of vertices or faces, (records, size), and warnings."""
     fields = [name for name, column in columns.items() if column.ndim == 1]
     found: dict[str, list[str]] = {}
     for color in _COLORS:
@@ -76,7 +76,7 @@ def ply_attributes(
 
 
 def _next_run(fields: list[str]) -> list[str]:
-    """Return the first fields that have one name before `_`, if a sequence begins there."""
+    """Return the first fields with the same name before `_`, if they form a sequence."""
     prefix, _, letter = fields[0].rpartition("_")
     if not prefix or letter not in {sequence[0] for sequence in _SEQUENCES}:
         return fields[:1]
@@ -85,7 +85,7 @@ def _next_run(fields: list[str]) -> list[str]:
 
 
 def _name_of(run: list[str], element: str) -> str | None:
-    """Return the attribute that fields make, or None if they make no attribute."""
+    """Return the attribute's name for some fields, or None if they are no attribute."""
     prefix = run[0].rpartition("_")[0]
     letters = "".join(field.rpartition("_")[2] for field in run)
     possible = [s for s in _SEQUENCES if letters in (s, s[:1])]
@@ -95,9 +95,9 @@ def _name_of(run: list[str], element: str) -> str | None:
 
 
 # ----------------------------------------------------------------------------- ply file
-# PLY files, ascii and both binary forms, as Mitsuba's `ply` plugin reads them.
+# PLY files, ASCII and both binary forms, as Mitsuba's `ply` plugin reads them.
 
-_UV_NAMES = (("u", "v"), ("texture_u", "texture_v"), ("s", "t"))  # the first pair counts
+_UV_NAMES = (("u", "v"), ("texture_u", "texture_v"), ("s", "t"))  # the first match is used
 _INDEX_NAMES = ("vertex_index", "vertex_indices")
 
 
@@ -111,16 +111,16 @@ def read_ply(
     path
         The file.
     flip_tex_coords
-        Read v as 1 - v. False is Mitsuba's default for ply (and True for obj).
+        Replace v by 1 - v. False is Mitsuba's default for ply (but True for obj).
     face_normals
-        Do not look at the normals of the file.
+        Ignore the normals of the file.
 
     Raises
     ------
     SceneError
-        Missing, truncated or unreadable file, data left over, a polygon that is no
-        triangle, a used position that is not finite, an index out of range, no face. With
-        the line where it is in the header or an ascii value.
+        For a missing, truncated or unreadable file, data after its end, a polygon that is
+        not a triangle, a used position that is not finite, an index out of range, or no
+        face. With the line if it is in the header or an ASCII value.
     """
     content = read_mesh_bytes(path)
     header = parse_ply_header(content, path)
@@ -154,7 +154,7 @@ def read_ply(
 
 
 def _columns(vertex: Columns, names: tuple[str, ...], path: Path) -> NDArray[np.float64]:
-    """Put scalar properties side by side, (V, len(names))."""
+    """Return scalar properties as columns, (V, len(names))."""
     for name in names:
         if name not in vertex or vertex[name].ndim != 1:
             raise SceneError(
@@ -166,7 +166,7 @@ def _columns(vertex: Columns, names: tuple[str, ...], path: Path) -> NDArray[np.
 
 def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32]:
     """Return the checked vertex indices, (F, 3)."""
-    if not face:  # no records; Mitsuba has nothing to show either
+    if not face:  # no records; Mitsuba shows nothing either
         return np.zeros((0, 3), np.int32)
     name = next((name for name in _INDEX_NAMES if name in face), None)
     if name is None or face[name].ndim != 2:

@@ -1,4 +1,4 @@
-"""Header of a PLY file, and the records that it declares, binary or text."""
+"""PLY headers, and the records that they declare, binary or ASCII."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.errors import SceneError
 from renderer.scene_file.meshes.mesh_data import is_number
 
 # --------------------------------------------------------------------------- ply header
-# The text at the top of a PLY file: which elements follow, in which form.
+# The text at the start of a PLY file, with elements and format.
 
 # Names of scalar types, old and new, as NumPy type codes without byte order.
 SCALAR_TYPES = {
@@ -40,16 +40,16 @@ _LONGEST_HEADER = 1 << 16  # [bytes]; a file without `end_header` is not searche
 
 @dataclass(frozen=True)
 class Property:
-    """A scalar, or a list with its length in front."""
+    """A scalar, or a list preceded by its length."""
 
     name: str
     type: str  # NumPy code, "f4"
-    count_type: str = ""  # of a list's length; empty for a scalar
+    count_type: str = ""  # type of a list's length; empty for a scalar
 
 
 @dataclass(frozen=True)
 class Element:
-    """`count` records with the same properties."""
+    """A number of records (`count`) with the same properties."""
 
     name: str
     count: int
@@ -58,12 +58,12 @@ class Element:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """What the header says, and where it ends."""
+    """The contents of the header, and its size."""
 
-    byte_order: str  # "<" or ">"; empty for ascii
+    byte_order: str  # "<" or ">"; empty for ASCII
     elements: list[Element]
     size: int  # [bytes]
-    line_count: int  # the data's first line has this number plus 1
+    line_count: int  # the data begin on the line with this number plus 1
 
 
 def parse_ply_header(content: bytes, path: Path) -> PlyHeader:
@@ -120,7 +120,7 @@ def _parse_format(words: list[str], where: str) -> str:
 
 
 def _parse_element(words: list[str], where: str) -> Element:
-    # isdecimal alone would admit digits of other scripts.
+    # isdecimal alone would accept digits of other scripts.
     if len(words) != 3 or not (words[2].isascii() and words[2].isdecimal()):
         raise SceneError(f"{where}: expected `element NAME COUNT`, found `{_show(words)}`")
     if len(words[2]) > 18:
@@ -153,15 +153,14 @@ def _show(words: list[str]) -> str:
 
 
 # -------------------------------------------------------------------------- ply records
-# The records after a PLY header, as columns of numbers: binary and ascii.
+# The records after a PLY header, as columns of numbers, binary and ASCII.
 #
-# Both readers take an element as a table with one row a record. That needs every record
-# to have the same size, so the lists of one property must share one length, which is the
-# case for the triangles of a mesh. The length is read from the first record, then
-# checked.
+# An element is read as a table with one row per record. So every record must have the same
+# size, and all lists of a property the same length, as for the triangles of a mesh. The
+# length is read from the first record, then checked.
 
-# The records of one element: property name -> (N,) doubles, of a list (N, length), of
-# its own type in binary files.
+# Records of one element: property name -> (N,) doubles, or for a list (N, length), in
+# binary files of its own type.
 Columns = dict[str, NDArray[Any]]
 
 
@@ -171,7 +170,8 @@ def read_records(content: bytes, header: PlyHeader, path: Path) -> dict[str, Col
     Raises
     ------
     SceneError
-        The data ends early or does not end, is no number, or a list changes its length.
+        If the data end early or late, a value is not a number, or a list changes its
+        length.
     """
     return (_read_binary if header.byte_order else _read_ascii)(content, header, path)
 
@@ -199,8 +199,8 @@ def _read_binary(content: bytes, header: PlyHeader, path: Path) -> dict[str, Col
                 if len(wrong):
                     length = int(rows[_length_of(p)][wrong[0]])
                     raise _other_length(f"{path}", element, p, int(wrong[0]), length)
-            # A double far beyond float32 stays as it is: the mesh reader reports it, and
-            # NaNs, of which the cast would warn where they are signalling ones.
+            # A double beyond float32 is kept: the mesh reader reports it, and NaN, of which
+            # the cast would warn if it is signalling.
             kind = p.type if p.count_type else "f8"
             with np.errstate(invalid="ignore"):
                 columns[element.name][p.name] = column.astype(kind)
@@ -215,7 +215,7 @@ def _read_binary(content: bytes, header: PlyHeader, path: Path) -> dict[str, Col
 def _record_type(
     content: bytes, position: int, element: Element, byte_order: str, path: Path
 ) -> np.dtype[np.void]:
-    """Return the layout of one record; the first one, at `position`, has the lengths."""
+    """Return the layout of a record; its lengths are those of the one at `position`."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     for p in element.properties:
         scalar = np.dtype(byte_order + p.type)
@@ -239,7 +239,7 @@ def _record_type(
 
 
 def _length_of(p: Property) -> str:
-    """Name the field with the length of a list; no property name holds a space."""
+    """Return the field name of a list's length; no property name contains a space."""
     return f"length of {p.name}"
 
 
@@ -249,7 +249,7 @@ def _length_of(p: Property) -> str:
 def _read_ascii(content: bytes, header: PlyHeader, path: Path) -> dict[str, Columns]:
     words = content[header.size :].split()
     try:
-        if b"_" in content[header.size :]:  # Python's 1_0 is 10
+        if b"_" in content[header.size :]:  # Python would read 1_0 as 10
             raise ValueError
         values = np.fromiter(map(float, words), np.float64, len(words))
     except ValueError:
@@ -314,7 +314,7 @@ def _ascii_lengths(
 
 
 def _place(content: bytes, header: PlyHeader, path: Path, index: int) -> str:
-    """Return `file:line` of the word with this index, counted from the header on."""
+    """Return `file:line` of the word with this index after the header."""
     lines = content[header.size :].split(b"\n")
     for number, line in enumerate(lines, start=header.line_count + 1):
         index -= len(line.split())
@@ -327,7 +327,7 @@ def _place(content: bytes, header: PlyHeader, path: Path, index: int) -> str:
 
 
 def _check_length(length: float, available: int, p: Property, path: Path) -> None:
-    """Refuse a first list that cannot be in the file, before anything is allocated."""
+    """Refuse a first list longer than the file, before memory is allocated."""
     if not (0 <= length <= available and length == int(length)):
         raise SceneError(
             f"{path}: the first list `{p.name}` has length {length:g}, but only "

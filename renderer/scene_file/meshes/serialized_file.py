@@ -1,13 +1,12 @@
-"""Files of Mitsuba's own `serialized` format, versions 3 and 4: compressed meshes in a row.
+"""Mitsuba's `serialized` format, versions 3 and 4: a sequence of compressed meshes.
 
-All numbers are little endian. Each mesh begins with the format's mark and version (16 bits
-each), then follows a zlib stream: flags (32 bits), in version 4 a name that a zero ends,
-the numbers of vertices and of faces (64 bits each), positions, what else the flags say,
-and three 32-bit indices for each face. At the end of the file stands where each mesh begins
-(32 bits in version 3, 64 in version 4), and how many there are (32 bits).
+All numbers are little endian. Each mesh begins with the magic number and the version (16
+bits each), followed by a zlib stream: flags (32 bits); in version 4 a name that ends with a
+zero byte; the numbers of vertices and of faces (64 bits each); positions; other attributes
+by the flags; and three 32-bit indices per face. The file ends with the positions of all
+meshes (32 bits in version 3, 64 in version 4) and their number (32 bits).
 
-A file may be damaged, or made to hurt: nothing is allocated that the bytes which are there
-cannot fill.
+A file may be damaged or malicious: no more memory is allocated than its bytes can fill.
 """
 
 from __future__ import annotations
@@ -31,15 +30,15 @@ from renderer.scene_file.meshes.mesh_data import (
 )
 
 _MARK = 0x041C
-_OFFSETS = {3: "<I", 4: "<Q"}  # how versions write where a mesh begins
+_OFFSETS = {3: "<I", 4: "<Q"}  # format of the position of a mesh, by version
 _HEADER = 4  # bytes: mark and version
 
 _HAS_NORMALS, _HAS_UVS, _HAS_COLORS, _FACE_NORMALS = 0x1, 0x2, 0x8, 0x10
-_DOUBLE = 0x2000  # single otherwise, whether or not the flag for it is set
+_DOUBLE = 0x2000  # otherwise single precision, with or without the flag for it
 
-_MOST_EXPANSION = 1032  # deflate makes at most so many bytes of one
+_MOST_EXPANSION = 1032  # largest number of bytes that deflate makes of one
 _LONGEST_NAME = 65536
-_MOST = 2**31 - 1  # vertices or faces that our indices can count
+_MOST = 2**31 - 1  # largest number of vertices or faces for our indices
 
 
 def read_serialized(
@@ -47,15 +46,15 @@ def read_serialized(
 ) -> MeshData:
     """Read one mesh of a file.
 
-    Numbers in double precision are rounded to single before anything else is done, as
-    Mitsuba does it. Colours of vertices, and the mark that a mesh has no vertex normals,
-    are dropped with a warning. With `face_normals` normals are not looked at.
+    As in Mitsuba, double precision is first rounded to single. Vertex colours, and the flag
+    that a mesh has no vertex normals, are dropped with a warning. With `face_normals`
+    vertex normals are ignored.
 
     Raises
     ------
     SceneError
-        Missing, cut or damaged file, another version, a mesh that the file does not have, a
-        used position that is not finite, an index out of range, no face.
+        For a missing, truncated or damaged file, another version, a mesh index that does
+        not exist, a used position that is not finite, an index out of range, or no face.
     """
     content = read_mesh_bytes(path)
     begin, end, version = _find_mesh(content, shape_index, path)
@@ -99,9 +98,9 @@ def read_serialized(
 
 
 def _find_mesh(content: bytes, index: int, path: Path) -> tuple[int, int, int]:
-    """Return the bytes between which the stream of a mesh lies, and the version."""
+    """Return start and end of the stream of a mesh, and the version."""
     version = _version(content, 0, f"{path}:")
-    # Mitsuba looks for no table of a file's first mesh; files without one exist
+    # as in Mitsuba, the first mesh needs no table of positions; some files lack it
     if index == 0:
         return _HEADER, len(content), version
     if len(content) < 2 * _HEADER:
@@ -134,7 +133,7 @@ def _find_mesh(content: bytes, index: int, path: Path) -> tuple[int, int, int]:
 
 
 def _version(content: bytes, at: int, what: str) -> int:
-    """Return the version of the mesh that begins at a byte."""
+    """Return the version of the mesh at a byte position."""
     if len(content) < at + _HEADER:
         raise SceneError(f"{what} the file ends within the first four bytes of a mesh")
     mark, version = struct.unpack_from("<HH", content, at)
@@ -148,14 +147,14 @@ def _version(content: bytes, at: int, what: str) -> int:
 
 
 class _Stream:
-    """A zlib stream that is unpacked only as far as it is read."""
+    """A zlib stream that is decompressed only as far as it is read."""
 
     def __init__(self, packed: bytes, what: str) -> None:
         self.what = what  # for messages
         self._packed = packed
         self._most = len(packed) * _MOST_EXPANSION
         self._inflate = zlib.decompressobj()
-        self._ahead = b""  # unpacked, and not read yet
+        self._ahead = b""  # decompressed and not read yet
 
     def read(self, count: int, what: str) -> bytes:
         """Return the next bytes; `what` names them for messages."""
@@ -164,7 +163,7 @@ class _Stream:
                 f"{self.what} promises {count} bytes of {what.removeprefix('the ')}; its "
                 f"stream cannot hold more than {self._most}"
             )
-        # unpacked, copied, and as other numbers
+        # decompressed, copied, and converted
         memory.require(6 * count, f"{self.what}: {what}")
         self._unpack(count - len(self._ahead))
         if len(self._ahead) < count:
@@ -176,7 +175,7 @@ class _Stream:
         return found
 
     def skip_name(self) -> None:
-        """Skip text that a zero ends."""
+        """Skip text that ends with a zero byte."""
         self._unpack(_LONGEST_NAME - len(self._ahead))
         name, zero, rest = self._ahead.partition(b"\0")
         if not zero:
@@ -187,7 +186,7 @@ class _Stream:
         self._ahead = rest
 
     def _unpack(self, count: int) -> None:
-        """Unpack so many bytes more, or all that are left."""
+        """Decompress `count` more bytes, or all that are left."""
         if count <= 0 or self._inflate.eof:
             return
         try:
@@ -201,6 +200,6 @@ def _rows(
     stream: _Stream, count: int, width: int, number: np.dtype, what: str
 ) -> NDArray[np.float64]:
     data = stream.read(count * width * number.itemsize, what)
-    with np.errstate(over="ignore", invalid="ignore"):  # judged later
+    with np.errstate(over="ignore", invalid="ignore"):  # values are checked later
         rows = np.frombuffer(data, number).astype(np.float32).astype(np.float64)
     return rows.reshape(-1, width)

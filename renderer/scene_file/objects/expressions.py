@@ -1,10 +1,9 @@
-"""Functions g(x, y, z) as programs: from text, or from a function of Python's.
+"""Functions g(x, y, z) as programs, from text or from a Python function.
 
-A program is what a pocket calculator with a stack does, one operation after the other. So
-kernels run any function without being compiled for it, on numbers and on intervals
-(`plugins.shapes.implicit.intervals`).
+A program is a sequence of operations for a stack machine. So kernels evaluate any function
+without compiling it, for numbers and for intervals (`plugins.shapes.intervals`).
 
-Every operation is defined everywhere, or an interval would have no value: the root of a
+Every operation is defined everywhere, since an interval must have a value: the root of a
 negative number is 0, and a quotient by 0 has no value that could be a root.
 """
 
@@ -22,12 +21,12 @@ import numpy as np
 
 from renderer.scene_file.description import Program
 
-# operations; the last four take two operands, those before one, the first four none
+# operations; the last four have two operands, those before one, the first four none
 CONSTANT, X, Y, Z = 0, 1, 2, 3
 NEGATE, POWER, SIN, COS, SQRT, EXP, ABS = 4, 5, 6, 7, 8, 9, 10
 ADD, SUBTRACT, MULTIPLY, DIVIDE, MIN, MAX = 11, 12, 13, 14, 15, 16
 
-DEEPEST_STACK = 64  # numbers that wait
+DEEPEST_STACK = 64  # numbers on the stack
 LONGEST = 4096  # operations
 HIGHEST_POWER = 64
 
@@ -55,11 +54,11 @@ _POSSIBLE = (
 
 
 class ExpressionError(ValueError):
-    """What is wrong with a function, without a place."""
+    """An error in a function, without its place in the file."""
 
 
 def _operators(operation: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return the methods of a `Term` for an operator, with the term left and right."""
+    """Return the methods of a `Term` for an operator, with the term on either side."""
 
     def left(term: Term, other: Any) -> Term:
         return term._with(other, operation)
@@ -71,9 +70,9 @@ def _operators(operation: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
 
 
 class Term:
-    """A part of a function, as it stands in a program: operations with operands."""
+    """A part of a function, as the operations that compute it."""
 
-    __array_priority__ = 1000.0  # NumPy's numbers leave operators to this class
+    __array_priority__ = 1000.0  # NumPy scalars use this class's operators
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, steps: tuple[tuple[int, float], ...]) -> None:
@@ -118,11 +117,11 @@ class Term:
         return 1.0 / raised if number < 0 else raised
 
     def __bool__(self) -> NoReturn:
-        """Refuse to be true or false."""
+        """Raise an error: a term has no truth value."""
         raise ExpressionError("it compares what is not yet a number; min and max choose")
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **other: Any) -> Any:
-        """Let `np.sin(x)` and others of the language be written in functions."""
+        """Support `np.sin(x)` and other NumPy functions that are in the language."""
         name = {"absolute": "abs", "minimum": "min", "maximum": "max"}.get(
             ufunc.__name__, ufunc.__name__
         )
@@ -138,12 +137,12 @@ class Term:
 
 
 def round_or_nan(number: float) -> float:
-    """Return the nearest integer; NaN for what is not finite."""
+    """Return the nearest integer; NaN if it is not finite."""
     return float(round(number)) if math.isfinite(number) else math.nan
 
 
 def as_term(value: Any) -> Term:
-    """Return a term; of a number the constant."""
+    """Return a term; for a number the constant."""
     if isinstance(value, Term):
         return value
     if isinstance(value, bool | str) or not isinstance(value, int | float | np.number):
@@ -214,7 +213,7 @@ def _term(node: ast.expr) -> Term:
 
 
 def _number(node: ast.expr) -> float:
-    """Return the number of an exponent."""
+    """Return the value of an exponent."""
     match node:
         case ast.Constant(value=int() | float() as value):
             return value
@@ -226,13 +225,13 @@ def _number(node: ast.expr) -> float:
 def trace_function(function: Callable[..., Any]) -> Program:
     """Return the program of a Python function of x, y and z.
 
-    It is called once, with terms in place of numbers: operators and NumPy's functions note
-    what is done to them. Branches that depend on x, y or z are not possible.
+    The function is called once, with terms in place of numbers. Operators and NumPy
+    functions record the operations. Branches that depend on x, y or z are not possible.
 
     Raises
     ------
     ExpressionError
-        It raises something, or does what the language does not have.
+        If it raises an exception, or uses anything that is not in the language.
     """
     name = getattr(function, "__name__", type(function).__name__)
     try:

@@ -13,8 +13,8 @@ from renderer.scene_file.tree import Element
 # -------------------------------------------------------------------------------- films
 # The film: size, crop window and reconstruction filter.
 
-# Pixels of the crop window: the samplers number them in 32 bits. Whether they fit into
-# memory is checked when the scene is rendered.
+# Pixels of the crop window: samplers number them in 32 bits. Whether they fit into memory
+# is checked before the render.
 _LARGEST = 2**32
 _LONGEST = 2**20  # pixels of a side
 _PIXELS = ("rgb", "rgba", "luminance", "luminance_alpha", "xyz", "xyza")
@@ -72,10 +72,10 @@ def _crop(properties: Properties, side: str, axis: str, size: int) -> tuple[int,
 
 
 def _file_properties(properties: Properties) -> None:
-    """Check the properties that say how Mitsuba stores the picture.
+    """Check the properties for Mitsuba's storage of the picture.
 
-    They do not change our picture, which is always linear sRGB in float32. The name of the
-    output file decides its format.
+    They do not affect this renderer's picture, which is linear sRGB in float32. The name of
+    the output file selects its format.
     """
     properties.choice(
         "file_format", "openexr", ("openexr", "exr", "pfm", "rgbe"), any_case=True
@@ -89,7 +89,7 @@ def _file_properties(properties: Properties) -> None:
     properties.choice(
         "component_format", "float16", ("float16", "float32", "uint32"), any_case=True
     )
-    properties.boolean("compensate", False)  # of summation errors; sums are float64 here
+    properties.boolean("compensate", False)  # for rounding errors of sums: float64 here
     properties.boolean("banner", False)
 
 
@@ -99,7 +99,7 @@ def read_rfilter(element: Element, reading: Reading) -> ReconstructionFilter:
     Raises
     ------
     SceneError
-        If it is not supported or its numbers make no filter.
+        If it is not supported or its parameters are invalid.
     """
     properties = Properties(element, reading)
     match element.plugin:
@@ -124,7 +124,7 @@ def read_rfilter(element: Element, reading: Reading) -> ReconstructionFilter:
     return rfilter
 
 
-_WIDEST = 64.0  # pixels; a wider filter is a typing error that would take for ever
+_WIDEST = 64.0  # [pixels]; a wider filter is probably an error, and would be very slow
 
 
 # ----------------------------------------------------------------------------- samplers

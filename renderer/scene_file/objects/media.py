@@ -26,9 +26,9 @@ from renderer.scene_file.numbers import parse_float
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element, SpectrumValue, Tensor
 
-_DEEPEST = 16  # phase functions inside of one another
+_DEEPEST = 16  # nested phase functions
 _DENSEST = 1e9  # [1/length]
-_LOST = 1e-3  # of the sum of a grid, what numbers below 0 may take from it
+_LOST = 1e-3  # largest sum of negative values, relative to the sum of a grid
 
 
 def read_medium(element: Element, reading: Reading) -> Medium:
@@ -63,14 +63,14 @@ def _read_medium(properties: Properties) -> Medium:
 
 
 def _volume(properties: Properties, name: str, default: float) -> Volume:
-    """Return the volume of a property; a colour is one that is the same everywhere."""
+    """Return the volume of a property; a colour is a constant volume."""
     property_ = properties.take(name)
     value = None if property_ is None else property_.value
     if isinstance(value, Element) and value.tag == "volume":
         return read_volume(value, properties.reading)
     number = isinstance(value, int | float) and not isinstance(value, bool)
     uniform = isinstance(value, SpectrumValue) and not value.wavelengths
-    # Mitsuba refuses an rgb above 1; larger colours take a constvolume, or `scale`.
+    # Mitsuba refuses an rgb above 1; larger colours need a constvolume, or `scale`.
     use = Use.NUMBER if value is None or number or uniform else Use.REFLECTANCE
     rgb = read_color(properties, name, default, use)
     if min(rgb) < 0.0:
@@ -108,9 +108,9 @@ def _read_grid(properties: Properties) -> GridVolume:
     values = _not_negative(properties, name, values)
     filter_type = properties.choice("filter_type", "trilinear", ("trilinear", "nearest"))
     wrap_mode = properties.choice("wrap_mode", "clamp", ("clamp", "repeat", "mirror"))
-    properties.boolean("raw", False)  # these two change nothing, nor do they in Mitsuba
+    properties.boolean("raw", False)  # this and the next have no effect, as in Mitsuba
     properties.boolean("accel", True)
-    # the grid's own maximum is the bound of its numbers, whatever the file says
+    # the bound is computed from the grid, and not taken from the file
     properties.number("max_value", 0.0)
     to_world = properties.transform("to_world")
     if properties.boolean("use_grid_bbox", False):
@@ -126,7 +126,7 @@ def _read_grid(properties: Properties) -> GridVolume:
 def _not_negative(
     properties: Properties, name: str, values: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Replace the few numbers below 0 that a resampled grid has."""
+    """Replace negative values, of which a resampled grid may have a few, by 0."""
     below = values < 0.0
     if not below.any():
         return values
@@ -142,7 +142,7 @@ def _not_negative(
 
 
 def _numbers(properties: Properties) -> tuple[str, NDArray[np.float32], NDArray[Any]]:
-    """Return the property that gives the numbers, these (z, y, x, channels) and a box."""
+    """Return the property with the numbers, the numbers (z, y, x, channels) and a box."""
     given = [name for name in ("filename", "grid", "data") if properties.has(name)]
     if len(given) != 1:
         properties.fail(
@@ -165,7 +165,7 @@ def _numbers(properties: Properties) -> tuple[str, NDArray[np.float32], NDArray[
         array = array[..., None]
     if array.ndim != 4 or 0 in array.shape:
         properties.fail(name, f"one of shape {array.shape}", expected)
-    with np.errstate(over="ignore", invalid="ignore"):  # said below
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
         values = np.ascontiguousarray(array, np.float32)
     if (wrong := check_distances(values)) is not None:
         properties.fail(name, wrong, "finite numbers")

@@ -31,14 +31,14 @@ from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element
 
 # ------------------------------------------------------------------------------ nesting
-# How deep BSDFs and textures may be inside of one another.
+# Limits for nested BSDFs and textures.
 
 
 def check_nesting(element: Element, deepest: int) -> None:
-    """Refuse an element that holds too many of its tag inside of one another.
+    """Refuse an element with too deeply nested elements of the same tag.
 
-    By references alone a file of a few lines can hold 2^30 of them. A loop over all of
-    them would never end.
+    With references, a file of a few lines can contain 2^30 of them. A loop over them would
+    not end in useful time.
 
     Raises
     ------
@@ -60,13 +60,13 @@ def check_nesting(element: Element, deepest: int) -> None:
 
 
 # ----------------------------------------------------------------------------- pictures
-# Pictures that textures and lights are made of: a file, or pixels in a dictionary.
+# Images of textures and lights: a file, or pixels in a dictionary.
 
 
 def read_picture(properties: Properties, inline: tuple[str, ...]) -> tuple[Image, str, str]:
-    """Return a picture, its name for messages, and the property that it comes from.
+    """Return an image, its name for messages, and the property that gives it.
 
-    What the file says about its numbers and is not applied becomes warnings.
+    Entries of the file that are not applied become warnings.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def read_picture(properties: Properties, inline: tuple[str, ...]) -> tuple[Image
     Raises
     ------
     SceneError
-        If no picture is given, or it cannot be used.
+        If no image is given, or it cannot be used.
     """
     there = [key for key in inline if key in properties.element.properties]
     if properties.has("filename") or not there:
@@ -97,7 +97,7 @@ def read_picture(properties: Properties, inline: tuple[str, ...]) -> tuple[Image
 
 
 def location_of(properties: Properties, key: str) -> Location:
-    """Return where a property stands that the element has."""
+    """Return the location of a property that the element has."""
     return properties.element.properties[key].location
 
 
@@ -106,9 +106,9 @@ def _texels_and_name(path: Path) -> tuple[Image, str]:
 
 
 # ----------------------------------------------------------------------------- textures
-# Textures: a parameter that may vary over the surface; what kinds there are, they say.
+# Textures: parameters that may vary over the surface, read by their kinds.
 
-DEEPEST_TEXTURE = 12  # textures inside of one another; a checkerboard holds two
+DEEPEST_TEXTURE = 12  # levels of nested textures; a checkerboard contains two
 
 
 def read_texture(
@@ -119,14 +119,14 @@ def read_texture(
     Parameters
     ----------
     default
-        The grey that an absent property means.
+        Grey value for an absent property.
     use
-        Decides which plain colours are possible.
+        Limits the possible constant colours.
 
     Raises
     ------
     SceneError
-        If it is neither, or its image cannot be used.
+        If it is neither a colour nor a texture, or its image cannot be used.
     """
     texture = _varying(properties, name, use)
     if texture is not None:
@@ -137,9 +137,9 @@ def read_texture(
 def read_scalar_texture(
     properties: Properties, name: str, default: float, use: Use = Use.NUMBER
 ) -> Texture | float:
-    """Return the number of a property, or the texture that gives it.
+    """Return the number of a property, or its texture.
 
-    A colour means the mean of its three numbers, as in Mitsuba.
+    A colour is replaced by the mean of its three components, as in Mitsuba.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def _varying(properties: Properties, name: str, use: Use) -> Texture | None:
     property_ = properties.take(name)
     element = None if property_ is None else property_.value
     if not isinstance(element, Element) or element.plugin not in varying_textures():
-        return None  # the colour of a constant is for `read_color`, which checks it
+        return None  # `read_color` reads and checks constants
     return read_texture_plugin(element, properties.reading, use)
 
 
@@ -184,9 +184,9 @@ def _read_texture(properties: Properties, use: Use) -> Texture:
 
 
 # -------------------------------------------------------------------------------- bsdfs
-# BSDFs, and those that are inside of others.
+# BSDFs and nested BSDFs.
 
-# Each structure is compiled for itself, in time that grows with its depth.
+# Each structure is compiled separately, in time that grows with its depth.
 DEEPEST_BSDF = 8
 
 
@@ -210,12 +210,12 @@ def _read_bsdf(properties: Properties) -> Bsdf:
 
 
 def read_nested(properties: Properties, least: int, most: int, expected: str) -> list[Bsdf]:
-    """Return the BSDFs inside of one, in the order of the file.
+    """Return the nested BSDFs of an element, in the order of the file.
 
     Raises
     ------
     SceneError
-        If there are fewer or more than may be; the message says what was expected.
+        If their number is not from `least` to `most`; the message has `expected`.
     """
     nested = properties.children("bsdf")
     if not least <= len(nested) <= most:
@@ -227,20 +227,20 @@ def read_nested(properties: Properties, least: int, most: int, expected: str) ->
 
 
 # ----------------------------------------------------------------------------- emitters
-# Emitters: those of the scene, and those inside of shapes, most of which make them shine.
+# Emitters of the scene and of shapes; most of the latter are area lights.
 #
-# Mitsuba takes any emitter in a shape: one that is no `area` is where its own properties
-# put it, and lights the scene as if it stood there; of the shape it makes the default
-# BSDF black.
+# Mitsuba accepts any emitter in a shape. One that is not `area` has the position of its own
+# properties and illuminates the scene as if it were outside of the shape; the default BSDF
+# of the shape then is black.
 
 
 def read_radiance(shape: Element, element: Element, reading: Reading) -> Radiance | None:
-    """Return with what radiance the emitter inside a shape makes it shine, None if not.
+    """Return the radiance of a shape with a nested emitter; None if it is no area light.
 
     Raises
     ------
     SceneError
-        If it cannot be in a shape, or is in another one too.
+        If it must not be in a shape, or is also in another one.
     """
     owner = reading.owners.setdefault(id(element), shape)
     if owner is not shape:
@@ -260,7 +260,7 @@ def read_radiance(shape: Element, element: Element, reading: Reading) -> Radianc
 
 
 def read_emitter(element: Element, reading: Reading) -> Emitter | None:
-    """Read an `<emitter>` of the scene; None for one that shapes refer to.
+    """Read an `<emitter>` of the scene; None for one that shapes reference.
 
     Raises
     ------
@@ -282,18 +282,18 @@ def _read_emitter(element: Element, reading: Reading) -> Any:
     properties = Properties(element, reading)
     described = registered_kinds("emitter")[element.plugin].read(properties)
     weight = properties.number("sampling_weight", 1.0)
-    if weight != 1.0:  # it would change how lights are chosen
+    if weight != 1.0:  # it would change the selection of lights
         properties.fail(
             "sampling_weight", f"{weight:g}", "1: lights are chosen with equal probability"
         )
-    properties.children("medium")  # unused by lights, as in Mitsuba
+    properties.children("medium")  # ignored for lights, as in Mitsuba
     properties.finish()
     check_place(described, properties)
     return described
 
 
 # ------------------------------------------------------------------------------- shapes
-# Shapes: what all have in common. Each kind's own file reads the rest.
+# Properties of all shapes. The file of each kind reads the others.
 
 STRETCH = 1e-4  # relative difference of two axes that counts as rounding
 
@@ -308,7 +308,7 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     """
     properties = Properties(element, reading)
     plugin = registered_kinds("shape")[element.plugin]
-    # Mitsuba's own default is black, not grey, on a shape that shines.
+    # Mitsuba's default BSDF of an area light is black, not grey.
     nested = properties.child("bsdf")
     emitter = properties.child("emitter")
     radiance = None if emitter is None else read_radiance(element, emitter, reading)
@@ -319,8 +319,8 @@ def read_shape(element: Element, reading: Reading) -> Shape:
         bsdf = Diffuse(ConstantTexture((0.0, 0.0, 0.0)))
     else:
         bsdf = Diffuse()
-    properties.number("silhouette_sampling_weight", 1.0)  # for derivatives only
-    media = dict(properties.children("medium"))  # under any other name: ignored
+    properties.number("silhouette_sampling_weight", 1.0)  # only for derivatives
+    media = dict(properties.children("medium"))  # other names are ignored
     inside, outside = media.get("interior"), media.get("exterior")
     common = {
         "bsdf": bsdf,
@@ -345,13 +345,13 @@ def read_shape(element: Element, reading: Reading) -> Shape:
 
 
 def _area(kind: Any, shape: Shape) -> np.float32:
-    """Return the surface area, as float32: what Mitsuba and the kernels sample with."""
+    """Return the surface area as float32, as Mitsuba and the kernels use it."""
     surfaces = kind.surfaces([shape], 0)
     return np.float32(kind.areas(surfaces, np.arange(surfaces.end)).sum())
 
 
 def placed(properties: Properties, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the product of transforms, if it is still usable."""
+    """Return a product of transforms, after a check that it is usable."""
     if (reason := transforms.why_unusable(matrix)) is not None:
         raise SceneError(
             f"{properties.location}: {properties.element} cannot be placed: {reason}"

@@ -1,4 +1,4 @@
-"""A whole scene from its document: objects, groups and instances, in the file's order."""
+"""Reads a whole scene from its elements: objects, groups and instances, in file order."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from renderer.scene_file.tree import Element
 # ------------------------------------------------------------------------------- groups
 # Groups and instances: shapes that are stored once and placed many times.
 #
-# A `shapegroup` shows nothing by itself; each `instance` of it shows all its shapes. As
-# in Mitsuba there is one level of this, and no group emits light.
+# A `shapegroup` is not visible itself; each `instance` shows all its shapes. As in Mitsuba,
+# groups cannot be nested and have no emitters.
 
-SPECIAL = ("shapegroup", "instance")  # the shape plugins that are no surfaces
+SPECIAL = ("shapegroup", "instance")  # shape plugins without a surface
 
 
 def read_shapes(
     scene: Properties,
 ) -> tuple[tuple[Shape, ...], tuple[Group, ...], tuple[Instance, ...]]:
-    """Read all shapes of a scene; return its own, its groups and their instances.
+    """Read all shapes of a scene; return plain shapes, groups and instances.
 
-    A group without an instance is read, so that its errors show, and left out.
+    A group without an instance is read, so that its errors are reported, and left out.
 
     Raises
     ------
     SceneError
-        If anything in them is not supported or wrong.
+        If anything in them is invalid or not supported.
     """
     elements = [element for _, element in scene.children("shape")]
     reading = scene.reading
@@ -89,10 +89,11 @@ def read_group(element: Element, reading: Reading) -> Group:
     Raises
     ------
     SceneError
-        If it holds nothing, nothing with an area, an emitter, an instance or a group.
+        If it is empty, or contains nothing with an area, an emitter, an instance or a
+        group.
     """
     properties = Properties(element, reading)
-    properties.number("silhouette_sampling_weight", 1.0)  # for derivatives only
+    properties.number("silhouette_sampling_weight", 1.0)  # only for derivatives
     if properties.has("to_world"):
         properties.transform("to_world")
         reading.warn(
@@ -116,7 +117,7 @@ def read_group(element: Element, reading: Reading) -> Group:
 
 
 def _check_member(child: Element, group: Element, name: str) -> None:
-    """Refuse what Mitsuba does not put into groups."""
+    """Refuse shapes that Mitsuba does not allow in groups."""
     where = group.properties[name].location
     if child.plugin in SPECIAL:
         raise SceneError(
@@ -160,7 +161,7 @@ def _read_instance(
 
 
 # ------------------------------------------------------------------------------- scenes
-# The scene itself: sorts its children into a SceneDescription.
+# The scene: sorts its children into a SceneDescription.
 
 
 def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription:
@@ -169,13 +170,13 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     Raises
     ------
     SceneError
-        If anything in it is wrong, whether it is used or not, as in Mitsuba, or what is
-        used is not supported.
+        If anything in it is invalid, even if unused, as in Mitsuba; or if anything used is
+        not supported.
     """
     if root.tag != "scene":
         raise SceneError(f"{root.location}: the root is {root}; expected a scene")
     properties = Properties(root, reading)
-    # What Mitsuba's ray tracing kernels are told; the kernels here have one mode.
+    # Options of Mitsuba's ray tracing kernels, without effect here.
     properties.boolean("embree_use_robust_intersections", False)
     properties.boolean("allow_thread_reordering", True)
     integrator = properties.child("integrator")
@@ -227,7 +228,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
 
 
 def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]]:
-    """Return the emitters, and how many surfaces come before each in the file."""
+    """Return the emitters, and the number of surfaces before each in the file."""
     reading, kinds = properties.reading, registered_kinds("emitter")
     properties.children("emitter")
     emitters: list[tuple[Emitter, int]] = []
@@ -252,7 +253,7 @@ def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]
 
 
 def _emitter_inside(shape: Element) -> Element | None:
-    """Return the emitter inside of a shape that does not make its surface shine."""
+    """Return the emitter inside of a shape that is not an area light."""
     kinds = registered_kinds("emitter")
     for child in (property_.value for property_ in shape.properties.values()):
         if isinstance(child, Element) and child.tag == "emitter":
@@ -262,7 +263,7 @@ def _emitter_inside(shape: Element) -> Element | None:
 
 
 def _check_hidden(properties: Properties) -> None:
-    """Refuse what Mitsuba hides though it does not shine: a shape with a point light."""
+    """Refuse `hide_emitters` for shapes with a point light, which Mitsuba hides as well."""
     for _, shape in properties.children("shape"):
         if (inside := _emitter_inside(shape)) is not None:
             raise SceneError(
@@ -272,7 +273,7 @@ def _check_hidden(properties: Properties) -> None:
 
 
 def _check_place(element: Element, where: Element, reading: Reading) -> None:
-    """Refuse an emitter that is the scene's and a shape's: Mitsuba would count it twice."""
+    """Refuse an emitter of both scene and shape: Mitsuba would count it twice."""
     if element is where and id(element) in reading.owners:
         shape = reading.owners[id(element)]
         raise SceneError(
@@ -282,7 +283,7 @@ def _check_place(element: Element, where: Element, reading: Reading) -> None:
 
 
 def _read_unused(properties: Properties) -> None:
-    """Read what stands in the scene to be referenced, after what may refer to it."""
+    """Read objects for references, after all objects that may refer to them."""
     reading = properties.reading
     readers: dict[str, Callable[[Element, Reading], Any]] = {
         "bsdf": read_bsdf,
@@ -297,6 +298,6 @@ def _read_unused(properties: Properties) -> None:
     for tag, read in readers.items():
         for _, element in properties.children(tag):
             reading.read_unused(element, read)
-    for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
+    for tag in UNSUPPORTED_TAGS:  # objects that refer to them report the error
         for _, element in properties.children(tag):
             reading.warn(element.location, f"{element} is not read: no {tag} is used here")

@@ -22,9 +22,9 @@ from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element
 
 # ------------------------------------------------------------------------------ sensors
-# What sensors have in common, with all the ways to say how wide a camera looks.
+# Properties of all sensors, including the variants of the field of view.
 
-_SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound
+_SCALE = 1e-3  # tolerance for to_world to be a rotation; Mitsuba's value
 _DIAGONAL_35MM = math.hypot(36.0, 24.0)  # [mm], of the film that `focal_length` refers to
 
 
@@ -44,7 +44,7 @@ def read_sensor(element: Element, reading: Reading) -> Sensor:
 
 
 def shared(properties: Properties) -> dict[str, Any]:
-    """Return what all kinds of sensor have but `to_world`, by the names of `Sensor`."""
+    """Return the fields of all kinds of sensor except `to_world`, by name."""
     reading = properties.reading
     film = read_film(properties.child("film"), reading)
     sampler = read_sampler(properties.child("sampler"), reading)
@@ -56,7 +56,7 @@ def shared(properties: Properties) -> dict[str, Any]:
         properties.fail(
             name, f"near_clip {near:g} and far_clip {far:g}", "near_clip < far_clip"
         )
-    # Nothing moves, so the shutter changes nothing; but its times have an order.
+    # Nothing moves, so the shutter has no effect; its times must be in order.
     opens = properties.number("shutter_open", 0.0)
     closes = properties.number("shutter_close", 0.0)
     if closes < opens:
@@ -84,7 +84,7 @@ def without_scale(properties: Properties) -> NDArray[np.float64]:
 
 
 def read_fov_x(properties: Properties, aspect: float) -> float:
-    """Return the angle across the full width [deg] of what is so much wider than high."""
+    """Return the horizontal field of view [deg] for a picture of this aspect ratio."""
     if properties.has("fov") and properties.has("focal_length"):
         properties.fail("focal_length", 'a value together with "fov"', "one of the two")
     if properties.has("fov"):
@@ -104,7 +104,7 @@ def read_fov_x(properties: Properties, aspect: float) -> float:
     elif axis == "diagonal":
         half /= math.hypot(1.0, 1.0 / aspect)
     fov_x = math.degrees(2.0 * math.atan(half))
-    # what is narrower has a width of which the inverse leaves float32
+    # for a smaller angle the inverse of the width overflows float32
     if not 1e-30 < np.float32(fov_x) < 180.0:
         properties.fail(
             name, f"{fov:g} degrees", "a field of view between 0 and 180 degrees"
@@ -113,7 +113,7 @@ def read_fov_x(properties: Properties, aspect: float) -> float:
 
 
 def _focal_length_fov(properties: Properties) -> float:
-    """Return the diagonal angle of a focal length such as `50mm` on 35 mm film [deg]."""
+    """Return the diagonal field of view [deg] for a focal length such as `50mm`."""
     text = properties.string("focal_length", "50mm")
     location = properties.location
     if properties.has("focal_length"):
@@ -129,11 +129,11 @@ def _focal_length_fov(properties: Properties) -> float:
 
 
 # -------------------------------------------------------------------------- integrators
-# Integrators: those that are registered, and what all of them have.
+# Integrators: the registered ones, and the properties of all of them.
 #
-# One that is not supported is no error yet: its scene can be rendered by another one.
+# An unsupported integrator is no error yet: the scene can be rendered by another one.
 
-_SAME = {"volpathmis": "volpath"}  # estimators of the same picture
+_SAME = {"volpathmis": "volpath"}  # estimators of the same radiance
 
 
 def read_integrator(
@@ -141,13 +141,13 @@ def read_integrator(
 ) -> Integrator:
     """Read an `<integrator>`; None is Mitsuba's default, `path` without a depth limit.
 
-    Of one that is not supported the properties are read that all path tracers have, and
-    `refusal` says why.
+    For an unsupported one the properties of all path tracers are read, and `refusal` gives
+    the reason.
 
     Parameters
     ----------
     element, reading
-        What is read.
+        The element, and the state of the reader.
     instead
         The integrator that renders the scene if this one is not supported.
 
@@ -168,9 +168,9 @@ def read_integrator(
     integrator: Integrator = kinds[plugin].read(properties)
     mis_densities = 0
     if plugin != element.plugin:
-        properties.element = element  # as messages shall name it
+        properties.element = element  # the one that messages name
         mis_densities = 3 if properties.boolean("use_spectral_mis", True) else 1
-    # how Mitsuba divides its work: of interest for a replay of its numbers alone
+    # Mitsuba's division of its work: only used by a replay of its random numbers
     block_size = properties.integer("block_size", 0, at_least=0)
     one_pass = not properties.has("samples_per_pass")
     properties.integer("samples_per_pass", 1, at_least=1)
@@ -200,7 +200,7 @@ def _refused(element: Element, why: str, instead: str, reading: Reading) -> Inte
         known: Integrator = registered_kinds("integrator")["path"].read(
             Properties(usual, reading)
         )
-    except SceneError:  # they may mean something else there
+    except SceneError:  # these properties may have another meaning there
         known = Integrator()
     return dataclasses.replace(
         known,
