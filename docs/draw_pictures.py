@@ -282,7 +282,7 @@ def everything() -> dict[str, Callable[[], Floats]]:
         "strip-work": worked,
         "strip-own-bsdf": own_bsdf,
         "strip-turned": turned,
-        "strip-panes": partial(in_two_ways, "gallery", 256, 300, 1.0),
+        "strip-panes": partial(in_two_ways, "gallery", 256, 280, 1.0),
         "strip-windows": partial(in_two_ways, "kitchen", 64, 260, 4.0),
     }
     for path in sorted(SCENES.glob("*/scene.xml")):
