@@ -6,6 +6,7 @@ import importlib
 import io
 import pkgutil
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,7 @@ from reports.bench.rows import Row, Table
 from reports.errors import OptionError, ReportError
 
 FOLDER = Path(__file__).resolve().parents[1] / "studies"
+DESCRIPTIONS = tomllib.loads((FOLDER / "descriptions.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,19 @@ class Study:
             if name not in every and not self.any_case:
                 raise ReportError(f"case {name!r} is unknown; there are {', '.join(every)}")
         return list(names)
+
+
+def described(name: str, **measured: Any) -> Study:
+    """Return the study that `descriptions.toml` has under a name.
+
+    Parameters
+    ----------
+    name
+        Of the study.
+    **measured
+        The fields of `Study` that are code: its cases, how they are measured and judged.
+    """
+    return Study(**DESCRIPTIONS[name], **measured)
 
 
 def study_names() -> list[str]:

@@ -16,7 +16,7 @@ from renderer.accelerators.build import BUILDERS
 from renderer.accelerators.choice import RayCounts, choose_structure
 from renderer.kernels.records import batch as tally
 from reports.bench.rows import Row
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import median_interval, ratio
 from reports.look.heat_map import heat_map
 from reports.trials import meshes
@@ -226,15 +226,9 @@ def _figure(bench: Bench, row: partial[Row]) -> Iterator[Row]:
 
 LARGE = "displaced ball", "street of boxes"  # left out with --quick
 CASES = (INSIDE, MAPS, *MESHES, GROWTH, FIGURE)
-STUDY = Study(
-    title="Finding the nearest hit",
-    sentence="How does each structure find the triangle that a ray meets first, and how "
-    "fast is it?",
-    minutes=45,
-    quick_minutes=4,
+STUDY = described(
+    "accelerators",
     cases=CASES,
     quick_cases=[case for case in CASES if case not in LARGE],
-    axis="triangles",
     measure=measure,
-    page="reports.pages.accelerators_page:accelerators_page",
 )

@@ -22,7 +22,7 @@ from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from renderer.kernels.records.batch import BOXES, PRIMITIVES
 from renderer.scene_file import read_file
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import median_interval, ratio, take_turns
 from reports.look.formatting import number
 from reports.trials.contenders import (
@@ -284,24 +284,12 @@ def verdict(table: Table) -> str:
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 
 
-STUDY = Study(
-    title="Speed against Mitsuba and Embree",
-    sentence="How long do lightproof and Mitsuba take for the same picture with the same "
-    "samples, and lightproof and Embree for the same rays? Times are ratios of one run, in "
-    "turn; right of the line lightproof is faster.",
-    advice="Measure a scene of yours: `python -m reports benchmark --case my_scene.xml`.",
-    minutes=12,
-    quick_minutes=1.5,
+STUDY = described(
+    "benchmark",
     cases=(*PICTURES, *RAYS, START),
     inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "metals", "teapot, diffuse rays", START),
     any_case=True,
-    options={
-        "threads": "of each renderer (all cores, at least 2)",
-        "rounds": "turns of each (7)",
-        "size": "pixels of a side of a scene that --case names (256)",
-        "spp": "samples of a scene that --case names (64)",
-    },
     measure=measure,
     verdict=verdict,
 )

@@ -22,7 +22,7 @@ from renderer.plugins.shapes.triangle_tables import TriangleSurfaces
 from renderer.textbook.bounding_volumes import which_hit
 from renderer.textbook.volume_fits import VOLUMES, points_of_extents
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import take_turns
 from reports.look.formatting import number
 from reports.trials.meshes import surfaces_of
@@ -254,15 +254,8 @@ def verdict(table: Table) -> str:
     )
 
 
-STUDY = Study(
-    title="Bounding volumes",
-    sentence="Which volume around an object lets the fewest rays through that miss it "
-    "(orange), and what does its test cost? AABB: a box along the axes, OBB: a turned box, "
-    "k-DOP: k planes.",
-    advice="Take a box along the axes for what is cheap to test; a tighter volume pays "
-    "where what it holds costs more than its own test.",
-    minutes=1,
-    quick_minutes=0.3,
+STUDY = described(
+    "bounding-volumes",
     cases=tuple(OBJECTS),
     measure=measure,
     verdict=verdict,

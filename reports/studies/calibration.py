@@ -19,7 +19,7 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_error
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import LEVEL
 from reports.look.formatting import number
 from reports.trials.scene_files import scene_content, scene_file, scene_names
@@ -132,21 +132,11 @@ def verdict(table: Table) -> str:
     )
 
 
-STUDY = Study(
-    title="Is a render as exact as it says?",
-    sentence="Pictures are made to an error (`--target-error 10%`). Is their true error "
-    "what they claim?",
-    advice="Rely on the claim within a fifth; where few bright paths carry the light, "
-    "render to half of the error that you need.",
-    minutes=25,
-    quick_minutes=1,
+STUDY = described(
+    "calibration",
     cases=scene_names,
     inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "metals"),
-    options={
-        "error": "per cent that pictures are rendered to (10)",
-        "seeds": "pictures of each scene (16)",
-    },
     measure=measure,
     verdict=verdict,
 )

@@ -22,7 +22,7 @@ from renderer.rendering.cluster.connect import open_cluster
 from renderer.rendering.cluster.source import ClusterWorkers
 from renderer.scene.scene import Scene
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import median_interval, ratio, take_turns
 from reports.trials.cluster_simulation import CASES, Costs, simulate
 from reports.trials.scene_files import scene_file
@@ -177,21 +177,9 @@ def verdict(table: Table) -> str:
     return " ".join(sentences)
 
 
-STUDY = Study(
-    title="Clusters",
-    sentence="What does it cost to deal out a picture to other processes, and up to how "
-    "many workers does that pay?",
-    advice="Give pictures of many minutes to a cluster (`--cluster`), others to the "
-    "threads of one machine.",
-    minutes=2,
-    quick_minutes=0.7,
+STUDY = described(
+    "cluster",
     cases=(HERE, SIMULATED),
-    axis="threads or workers",
-    options={
-        "size": "pixels of a side (512)",
-        "spp": "samples of the measured picture (256)",
-        "rounds": "turns of threads and workers (3)",
-    },
     measure=measure,
     verdict=verdict,
 )

@@ -18,7 +18,7 @@ from pathlib import Path
 from mitsuba_ref.diagnosis.comparison import compare_with_scene
 from mitsuba_ref.diagnosis.scene_reference import SceneReference
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.trials.faulty_pictures import (
     SIZE,
     SOURCES,
@@ -112,13 +112,8 @@ def verdict(table: Table) -> str:
     return words
 
 
-STUDY = Study(
-    title="Naming mistakes",
-    sentence="How often does `lightproof compare` name the mistake in a picture, and how "
-    "often does it alarm for nothing?",
-    advice="Judge a picture of yours: `lightproof compare mine.exr --scene my_scene.xml`.",
-    minutes=60,
-    quick_minutes=5,
+STUDY = described(
+    "compare",
     cases=(RIGHT, *SOURCES),
     measure=measure,
     session=references,

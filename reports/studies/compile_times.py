@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.trials.first_pictures import compile_seconds
 
 FORMER = {
@@ -53,14 +53,8 @@ def verdict(table: Table) -> str:
     )
 
 
-STUDY = Study(
-    title="Time to compile",
-    sentence="How long does the first picture of each scene take, in a process that finds "
-    "no compiled kernel? A scene finds what the scenes above it have compiled.",
-    advice="Wait once: compiled kernels are kept until lightproof, Numba or the processor "
-    "changes.",
-    minutes=1.5,
-    quick_minutes=0.5,
+STUDY = described(
+    "compile-times",
     cases=("first pictures",),
     measure=measure,
     verdict=verdict,

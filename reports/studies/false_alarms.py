@@ -9,7 +9,7 @@ from mitsuba_ref.false_alarms.measure import measure as count
 from mitsuba_ref.false_alarms.measure import measure_convergence_alarms
 from mitsuba_ref.records.request import FEWEST_SEEDS
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.trials.compared_scenes import option
 from reports.trials.scene_files import scene_content, scene_file
 
@@ -72,17 +72,11 @@ def verdict(table: Table) -> str:
     )
 
 
-STUDY = Study(
-    title="False alarms",
-    sentence="How often does the ladder of tests alarm although nothing is wrong?",
-    advice="Before you believe an alarm, climb with other seeds: `python -m mitsuba_ref "
-    "SCENE --seeds 8 --seed 100`. A defect stays.",
-    minutes=60,
-    quick_minutes=6,
+STUDY = described(
+    "false-alarms",
     cases=("cornell-box", "grey-furnace"),
     inputs=lambda case, options: scene_content(case),
     any_case=True,
-    options={"convergence": "yes: also the rungs of how fast the noise falls (long)"},
     measure=measure,
     verdict=verdict,
 )

@@ -15,7 +15,7 @@ import numpy as np
 import renderer
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import median_interval, take_turns
 from reports.look.formatting import seconds
 from reports.trials.large_meshes import ply_bytes
@@ -99,14 +99,9 @@ def verdict(table: Table) -> str:
     return f"{rows[-1].at:,.0f} triangles: {'; '.join(times)}." if rows else ""
 
 
-STUDY = Study(
-    title="Loading meshes",
-    sentence="How long does it take from a mesh file to the first picture?",
-    advice="Save large meshes as PLY.",
-    minutes=6,
-    quick_minutes=0.5,
+STUDY = described(
+    "loading",
     cases=tuple(FORMATS),
-    axis="triangles",
     measure=measure,
     verdict=verdict,
 )

@@ -21,7 +21,7 @@ from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
 from renderer.kernels.records.batch import NODES
 from renderer.plugins.shapes.extents import extents_of
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import take_turns
 from reports.look.formatting import number
 from reports.trials.meshes import (
@@ -159,15 +159,9 @@ def verdict(table: Table) -> str:
     return f"In a fitted tree a ray takes at worst as long: {text}." if text else ""
 
 
-STUDY = Study(
-    title="Moving scenes: refit or rebuild",
-    sentence="When triangles move, how long is a tree that is only fitted to them as good "
-    "as a new one?",
-    advice="Refit while the SAH cost is near that of a new tree; then rebuild.",
-    minutes=6,
-    quick_minutes=0.3,
+STUDY = described(
+    "moving-scene",
     cases=tuple(MOTIONS),
-    axis="per cent of the motion",
     measure=measure,
     verdict=verdict,
 )

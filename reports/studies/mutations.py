@@ -14,7 +14,7 @@ from mitsuba_ref.records.machine import usable_cores
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 
 MOST_JOBS = 8  # mutants at a time; each compiles on one core
 MUTATIONS = {mutation.name: mutation for mutation in CATALOGUE}
@@ -102,16 +102,11 @@ def verdict(table: Table) -> str:
     )
 
 
-STUDY = Study(
-    title="Defects built in",
-    sentence="A test that never fails proves nothing: which check sees a known defect?",
-    advice="Write a test for each defect in red: no check sees it.",
-    minutes=180,
+STUDY = described(
+    "mutations",
     cases=tuple(MUTATIONS),
     quick_cases=tuple(MUTATIONS)[:6],
     session=session,
     measure=measure,
-    headlines=("faults",),
-    page="reports.pages.table_page:table_page",
     verdict=verdict,
 )

@@ -16,7 +16,7 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.command.options import definition
 from renderer.errors import SceneError
 from reports.bench.rows import Row
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.errors import OptionError
 from reports.look.pictures import (
     LUMINANCE,
@@ -28,15 +28,6 @@ from reports.look.pictures import (
 from reports.pages.needs_page import FULL, FULL_COLOUR, verdict
 from reports.trials.scene_files import scene_content, scene_file, scene_names
 from reports.trials.simpler_scenes import Simpler, Trial, mean_picture, needs_of
-
-OPTIONS = {
-    "tolerance": "largest loss of the least model, such as 1% (default) or 0.01: root mean "
-    "relative squared difference, upper end of the interval",
-    "spp": "samples per pixel of a picture (default 32, quick 8)",
-    "seeds": "pictures of each model, at least 3 (default 6, quick 3)",
-    "define": "NAME=VALUE,...: replaces a <default> of the file (default: the test size of "
-    "its proof.toml)",
-}
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:
@@ -134,18 +125,11 @@ def _number(options: Mapping[str, str], name: str, default: float) -> float:
     return value
 
 
-STUDY = Study(
-    title="What a scene needs",
-    sentence="How much of a scene can be left out before its picture changes, and how much "
-    "time does that save?",
-    minutes=20,
-    quick_minutes=6,
+STUDY = described(
+    "needs",
     cases=scene_names,
     any_case=True,
-    options=OPTIONS,
     inputs=content,
-    headlines=("time of the least model",),
     verdict=verdict,
-    page="reports.pages.needs_page:needs_page",
     measure=measure,
 )

@@ -17,7 +17,7 @@ from mitsuba_ref.records.options import Options
 from mitsuba_ref.records.request import FEWEST_SEEDS
 from mitsuba_ref.records.results import SceneResult
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.errors import ReportError
 from reports.look.heat_map import ramp_colours
 from reports.look.pictures import LUMINANCE, signed_difference
@@ -118,17 +118,11 @@ def verdict(table: Table) -> str:
     return f"{sentence}; {rest if not unexplained else f'{unexplained} are unexplained'}."
 
 
-STUDY = Study(
-    title="Proof",
-    sentence="With the same random numbers, do lightproof and Mitsuba trace the same "
-    "paths; with others, does any test tell their pictures apart?",
-    advice="Prove a scene of yours: `python -m reports proof --case my_scene.xml`.",
-    minutes=20,
-    quick_minutes=6,
+STUDY = described(
+    "proof",
     cases=scene_names,
     inputs=lambda case, options: scene_content(case),
     any_case=True,
-    axis="samples per pixel",
     options={
         "size": "demo or test: which size of a scene's proof.toml",
         "seeds": f"pictures of each renderer for the tests, {FEWEST_SEEDS} or more",
@@ -136,6 +130,5 @@ STUDY = Study(
     },
     session=session,
     measure=measure,
-    pages="reports.pages.proof_page:proof_pages",
     verdict=verdict,
 )

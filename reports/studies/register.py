@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from mitsuba_ref.expected_failures.register import REGISTER, Band, check
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.look.formatting import number
 
 ENTRIES = {entry.name: entry for entry in REGISTER}
@@ -46,16 +46,10 @@ def verdict(table: Table) -> str:
     return f"{still} of {len(states)} known disagreements are there as expected."
 
 
-STUDY = Study(
-    title="Known disagreements",
-    sentence="Methods that give a wrong answer for a known reason: if one changes, the "
-    "method has changed or the check has gone blind. Has one?",
-    advice="Read why a row has changed, then correct the method or the check.",
-    minutes=3,
-    quick_minutes=1,
+STUDY = described(
+    "register",
     cases=tuple(ENTRIES),
     quick_cases=tuple(name for name, entry in ENTRIES.items() if not entry.slow),
     measure=measure,
-    page="reports.pages.table_page:table_page",
     verdict=verdict,
 )

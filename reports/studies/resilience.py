@@ -21,7 +21,7 @@ from pathlib import Path
 import psutil
 
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.trials.scene_files import scene_file
 
 SCENE = "cornell-box"
@@ -128,14 +128,9 @@ def verdict(table: Table) -> str:
     return "A render that is killed and resumed on a cluster gives the same file."
 
 
-STUDY = Study(
-    title="The same picture after kill -9?",
-    sentence="A render is killed and resumed on a cluster, of which a worker is killed. Is "
-    "the file the same as that of a render in one go?",
-    advice="Give long renders `--checkpoint night.ckpt`; after a crash add `--resume`.",
-    minutes=1,
+STUDY = described(
+    "resilience",
     cases=("killed and resumed",),
-    options={"spp": "samples per pixel (2048); more where a render ends too soon"},
     measure=measure,
     verdict=verdict,
 )

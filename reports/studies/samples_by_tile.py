@@ -30,7 +30,7 @@ from renderer.rendering.render_loop import run
 from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.look.formatting import number
 from reports.trials.scene_files import scene_content, scene_file, scene_names
 
@@ -195,16 +195,11 @@ def verdict(table: Table) -> str:
     return "Gain: " + "; ".join(parts) + "." if parts else ""
 
 
-STUDY = Study(
-    title="Samples by tile",
-    sentence="What would be gained by more samples in tiles with more variance? A renderer "
-    "would have to gain more than 1 in nearly all scenes for this to be worth its code.",
-    minutes=40,
-    quick_minutes=2,
+STUDY = described(
+    "samples-by-tile",
     cases=scene_names,
     inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "caustic"),
-    options={"side": "of a tile (16)", "seeds": "pictures (2)"},
     measure=measure,
     verdict=verdict,
 )

@@ -12,7 +12,7 @@ from mitsuba_ref.records.options import Options
 from mitsuba_ref.records.results import Ladder, LadderPoint, SceneResult
 from mitsuba_ref.records.verdicts import COMPARED
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import Interval, median_interval
 from reports.look.formatting import number
 from reports.look.pictures import signed_difference
@@ -111,21 +111,12 @@ def verdict(table: Table) -> str:
     return sentence + "."
 
 
-STUDY = Study(
-    title="Scenes",
-    sentence="Does this renderer draw the same pictures as Mitsuba, up to noise?",
-    minutes=4,
-    quick_minutes=1,
+STUDY = described(
+    "scenes",
     cases=scene_names,
     inputs=lambda case, options: scene_content(case),
     any_case=True,
-    options={
-        "size": "demo or test: which size of a scene's proof.toml",
-        "ladder": "yes or no: measure seconds against error at several sample counts",
-        "from": "take the scenes from this results.json of lightproof-validate --report",
-    },
     session=session,
     measure=measure,
-    pages="reports.pages.scene_page:scene_pages",
     verdict=verdict,
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from reports.bench.rows import Row
 from reports.bench.steps import Step, Sums, rows_of, sums_of
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, Study, described
 from reports.pages.soak_page import soaked
 from reports.trials.soaking import leaks, self_hits
 from reports.trials.soaking.damaged_files import damaged_file_steps
@@ -119,18 +119,12 @@ ABOUT = {
     "Growth is p <= 0.001 and 1 MiB or more: memory without a trend gives a false alarm in "
     "at most 0.1 % of all processes.",
 }
-STUDY: Study = Study(
-    title="Long trials: what is too rare for a test",
-    sentence="Do rays leak, damaged files crash, interrupts leave half a file or memory "
-    "grow, in hours of trying?",
-    minutes=300,
-    quick_minutes=2,
+STUDY: Study = described(
+    "soak",
     cases=tuple(TRIALS),
     about=ABOUT,
     goes_on=True,
     aims={name: trial.aim for name, trial in TRIALS.items()},
-    headlines=("faults",),
     verdict=lambda table: soaked(STUDY, table).verdict,
-    page="reports.pages.soak_page:soak_page",
     measure=measure,
 )

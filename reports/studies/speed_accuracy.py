@@ -26,7 +26,7 @@ from renderer.scene_file import read_file
 from renderer.scene_file.objects.films import round_sample_count
 from reports.bench.intervals import around, mean_interval
 from reports.bench.rows import Row
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.bench.timing import Interval, median_interval
 from reports.errors import ReportError
 from reports.look.pictures import exposure_stops, tone_mapped
@@ -297,26 +297,11 @@ def _ends(interval: Interval) -> Interval:
     return _short(interval[0]), _short(interval[1])
 
 
-STUDY = Study(
-    title="Speed against accuracy",
-    sentence="How many times as fast does each renderer, method and sampler reach the same "
-    "error?",
-    minutes=60,
-    quick_minutes=15,
+STUDY = described(
+    "speed-accuracy",
     cases=cases,
     inputs=lambda case, options: scene_content(case),
     quick_cases=("cornell-box", "textured-room", "caustic", "appel-teapot"),
     any_case=True,
-    axis="samples per pixel",
-    headlines=("faults",),
-    options={
-        "spp": "samples per pixel, such as 4,16,64",
-        "seeds": "pictures of each contender at each number of samples, 2 or more",
-        "reference": "samples of the reference, or a few more",
-        "threads": "workers of each renderer, 2 or more",
-        "side": "pixels of the longer side of a picture",
-        "samplers": "ours, such as independent,sobol",
-    },
     measure=measure,
-    page="reports.pages.speed_accuracy_page:speed_accuracy_page",
 )

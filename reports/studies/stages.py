@@ -12,7 +12,7 @@ from typing import Any
 
 import renderer
 from reports.bench.rows import Row, Table
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.look.formatting import number
 from reports.studies.speed_accuracy import opened_scene, parameters_of
 from reports.trials.architecture_scenes import ARCHITECTURE
@@ -65,19 +65,11 @@ def verdict(table: Table) -> str:
     return f"The stage that takes most of the time: {'; '.join(words)}." if largest else ""
 
 
-STUDY = Study(
-    title="Where the time goes",
-    sentence="Where does the time of a path-traced picture go: rays, textures, BSDFs, "
-    "lights, the film?",
-    advice="Begin with the largest share to make a scene faster; `--case my_scene.xml` "
-    "measures one of yours.",
-    minutes=4,
-    quick_minutes=2,
+STUDY = described(
+    "stages",
     cases=cases,
     quick_cases=("kitchen", "cornell-box"),
     any_case=True,
-    options={"spp": "samples per pixel"},
-    axis="bounce",
     measure=measure,
     verdict=verdict,
 )

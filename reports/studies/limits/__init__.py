@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 from reports.atlas import Case, every_case
 from reports.bench.rows import Row
-from reports.bench.study import Bench, Study
+from reports.bench.study import Bench, described
 from reports.studies.limits import (
     arithmetic,
     comparing,
@@ -117,15 +117,9 @@ def _cases() -> list[str]:
     return list(every_case())
 
 
-STUDY = Study(
-    title="Where methods fail",
-    sentence="Under which stress does each method give way, why, and what to do instead?",
-    minutes=8,
-    quick_minutes=4,
+STUDY = described(
+    "limits",
     cases=_cases,
     quick_cases=[name for name, case in every_case().items() if not case.slow],
-    axis="strength of the stress",
-    headlines=("faults",),
-    page="reports.pages.limits_page:limits_page",
     measure=measure,
 )
