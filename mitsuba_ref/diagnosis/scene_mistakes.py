@@ -83,23 +83,16 @@ def _kinds(scene: SceneDescription) -> str:
 
 def algorithm_mistakes(scene: SceneDescription) -> list[AlgorithmMistake]:
     """Return the mistakes that can show in a scene, in the order of the table."""
-    own = {mutation.name: mutation for mutation in (*CATALOGUE, *_own_mutations())}
-    found = []
-    for name, row in tomllib.loads(TABLE.read_text(encoding="utf-8"))["mistakes"].items():
-        if all(FEATURES[need](scene) for need in row.get("needs", ())):
-            found.append(
-                AlgorithmMistake(
-                    name,
-                    own[row.get("mutation", name)],
-                    row["sentence"],
-                    row["advice"],
-                )
-            )
-    return found
-
-
-def _own_mutations() -> tuple[Mutation, ...]:
-    return read_mutations(TABLE.with_name("mistakes_edits.toml"))
+    edits = read_mutations(TABLE.with_name("mistakes_edits.toml"))
+    own = {mutation.name: mutation for mutation in (*CATALOGUE, *edits)}
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["mistakes"]
+    return [
+        AlgorithmMistake(
+            name, own[row.get("mutation", name)], row["sentence"], row["advice"]
+        )
+        for name, row in rows.items()
+        if all(FEATURES[need](scene) for need in row.get("needs", ()))
+    ]
 
 
 def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, Any]]:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
-from mitsuba_ref.generate.coverage import has
 from mitsuba_ref.generate.drawing import plain
 from mitsuba_ref.generate.grammar import ENVIRONMENTS
 from mitsuba_ref.generate.scene_edits import (
@@ -102,7 +101,7 @@ def show_emitters(root: Element) -> None:
 @known_fault("path ends where it hides lamps and meets an instance", "MitsubaCrashed")
 def show_emitters_to_instances(root: Element) -> None:
     """Show lamps to camera rays where there are instances."""
-    if has(root, "shape", "instance"):
+    if plugins(root, "shape", "instance"):
         show_emitters(root)
 
 
@@ -144,7 +143,7 @@ def widen_the_scene(root: Element) -> None:
     They end two radii of the scene away, in a direction from where they would start without
     the ray offset.
     """
-    lit = any(has(root, "emitter", name) for name in (*ENVIRONMENTS, "directional"))
+    lit = plugins(root, "emitter", *ENVIRONMENTS, "directional")
     if lit and root.find("shape[@id='speck']") is None:
         speck = SubElement(root, "shape", type="disk", id="speck")
         transform = transform_of(speck, "to_world")
@@ -198,9 +197,8 @@ def turn_lamps_back(root: Element) -> None:
 @known_fault("numbers of ldsampler never end a path", "MitsubaTimeout", "picture")
 def end_paths(root: Element) -> None:
     """Give paths a depth: roulette may never end one by the numbers of `ldsampler`."""
-    if not has(root, "sampler", "ldsampler"):
-        return
-    for integrator in plugins(root, "integrator", "path", "volpath"):
+    endless = plugins(root, "sampler", "ldsampler")
+    for integrator in plugins(root, "integrator", "path", "volpath") if endless else []:
         depth = integrator.find("integer[@name='max_depth']")
         if depth is None or depth.get("value") == "-1":
             put(integrator, "integer", "max_depth", "30")

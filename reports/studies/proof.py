@@ -123,11 +123,6 @@ STUDY = described(
     cases=scene_names,
     inputs=lambda case, options: scene_content(case),
     any_case=True,
-    options={
-        "size": "demo or test: which size of a scene's proof.toml",
-        "seeds": f"pictures of each renderer for the tests, {FEWEST_SEEDS} or more",
-        "from": "take the scenes from this results.json of lightproof-validate --report",
-    },
     session=session,
     measure=measure,
     verdict=verdict,

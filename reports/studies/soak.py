@@ -91,38 +91,9 @@ def _steps(trial: Trial, so_far: Sums, bench: Bench) -> Generator[Step]:
                 return
 
 
-ABOUT = {
-    "rays": "Rays from inside of six closed meshes, most of them in one of 20 triangles, "
-    f"the same for each of {len(leaks.STRUCTURES)} structures (brute force, boxes and the "
-    "BSP tree have the smallest mesh in the place of large ones), traced to the nearest "
-    "hit one by one and in packets, and to any hit. Half go anywhere, half are aimed to "
-    "pass edges and vertices at 10^-8 to 10^-2 of an edge. A leak is a ray that meets "
-    "nothing. The first 10^9 of each structure are of a triangle test that was not "
-    "watertight: rays that passed nearer to an edge than its rounding were counted apart.",
-    "self-hits": "Mitsuba's 44 cases: eleven shapes at four places and sizes are hit from "
-    "four sizes away, rays leave into the hemisphere above each hit, and none may meet "
-    "anything within a thousandth of the shape. Similar shapes stand in for four that this "
-    "renderer lacks.",
-    "damaged-files": "Every format that is read, and whole scenes: extreme values in "
-    "well-formed XML, headers that lie, streams of deflate with flipped bits, and damage "
-    "that ignores the format. Each file must end in a SceneError or a finite picture, "
-    "within 10 s of processor time and 1 GiB; a warning of NumPy is a fault too. Films "
-    "above 16384 pixels and paths above 64 bounces or samples of light are read and not "
-    "rendered.",
-    "interrupts": "The command in a process of its own, interrupted by Ctrl-C between its "
-    "start and after its end: it writes the picture so far or nothing, and one line that "
-    "says which. A traceback, a picture that cannot be read, another file, another status "
-    "and a program that goes on are faults.",
-    "growth": "All scenes of the repository in turn in one process, memory after each "
-    "round. The first half of the rounds is left out; the medians of 20 blocks of the "
-    "others are tested for a trend (Kendall's S against random orders of the blocks). "
-    "Growth is p <= 0.001 and 1 MiB or more: memory without a trend gives a false alarm in "
-    "at most 0.1 % of all processes.",
-}
 STUDY: Study = described(
     "soak",
     cases=tuple(TRIALS),
-    about=ABOUT,
     goes_on=True,
     aims={name: trial.aim for name, trial in TRIALS.items()},
     verdict=lambda table: soaked(STUDY, table).verdict,

@@ -113,13 +113,9 @@ def _halved(
     return holds, fails
 
 
-def _cases() -> list[str]:
-    return list(every_case())
-
-
 STUDY = described(
     "limits",
-    cases=_cases,
+    cases=tuple(every_case()),
     quick_cases=[name for name, case in every_case().items() if not case.slow],
     measure=measure,
 )
