@@ -170,7 +170,7 @@ def _judged(
         diagnosis = diagnose(difference, evidence, lag, theirs.sources)
     several = min(len(own), len(pixels)) >= FOR_TILES
     notes = *ours.notes, *theirs.notes, SEEN_IN_TILES if several else BLIND
-    return Comparison(diagnosis, evidence, lag, tuple(dict.fromkeys(notes)))
+    return Comparison(diagnosis, evidence, tuple(dict.fromkeys(notes)))
 
 
 def _listed(pictures: Any) -> list[Picture]:

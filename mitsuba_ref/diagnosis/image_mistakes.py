@@ -10,8 +10,11 @@ from __future__ import annotations
 
 import itertools
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +91,25 @@ class Prediction:
 
 Mistake = Callable[[Evidence], Iterator[Prediction]]
 
+TEXTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+
+
+def told(name: str, table: str = "", **values: Any) -> tuple[str, str, str]:
+    """Return a mistake's name, and what image_mistakes.toml says of it.
+
+    Parameters
+    ----------
+    name
+        Of the mistake.
+    table
+        Header in the file where that is not the name.
+    **values
+        What the sentence is filled in with.
+    """
+    text = TEXTS[table or name]
+    return name, text["sentence"].format(**values), text["advice"]
+
+
 # factors that a missing or doubled constant makes, by what they are
 FACTORS = {
     "pi": math.pi,
@@ -131,80 +153,37 @@ def transfer_curves(evidence: Evidence) -> Iterator[Prediction]:
     if evidence.levels:
         yield from _curves_of_integers(r)
         return
-    advice = "Write linear values to EXR, HDR, PFM and NPY; apply the curve to PNG once."
-    yield Prediction(
-        "srgb-curve-applied",
-        "The transfer curve of sRGB was applied to linear values.",
-        advice,
-        srgb_from_linear(r),
-    )
-    yield Prediction(
-        "srgb-curve-inverted",
-        "Linear values were decoded by the inverse curve of sRGB.",
-        "Values that are linear need no decoding.",
-        linear_from_srgb(np.minimum(r, 1.0)) + np.maximum(r - 1.0, 0.0),
-    )
-    yield Prediction(
-        "gamma-2.2-applied",
-        "Values were raised to 1 / 2.2, a gamma curve.",
-        advice,
-        r ** (1.0 / 2.2),
-    )
-    yield Prediction(
-        "gamma-2.2-inverted",
-        "Values were raised to 2.2, as if they were encoded.",
-        "Values that are linear need no decoding.",
-        r**2.2,
-    )
-    yield Prediction(
-        "tone-mapped",
-        "Reinhard's tone map x / (1 + x) was applied.",
-        "Compare values before tone mapping.",
-        r / (1.0 + r),
-    )
+    decoded = linear_from_srgb(np.minimum(r, 1.0)) + np.maximum(r - 1.0, 0.0)
+    yield Prediction(*told("srgb-curve-applied"), srgb_from_linear(r))
+    yield Prediction(*told("srgb-curve-inverted"), decoded)
+    yield Prediction(*told("gamma-2.2-applied"), r ** (1.0 / 2.2))
+    yield Prediction(*told("gamma-2.2-inverted"), r**2.2)
+    yield Prediction(*told("tone-mapped"), r / (1.0 + r))
 
 
 def _curves_of_integers(r: Floats) -> Iterator[Prediction]:
     """Predict a file of integers that was written with another curve than that of sRGB."""
-    advice = "Apply the curve of sRGB once, to linear values in [0, 1], before rounding."
     bright = np.minimum(r, 1.0)
-    for name, sentence, encoded in (
-        ("srgb-curve-missing", "The file holds linear values without a curve.", bright),
-        (
-            "gamma-2.2-instead-of-srgb",
-            "The values were raised to 1 / 2.2: the curve of sRGB is another one.",
-            bright ** (1.0 / 2.2),
-        ),
-        (
-            "srgb-curve-applied-twice",
-            "The curve of sRGB was applied twice.",
-            srgb_from_linear(srgb_from_linear(bright)),
-        ),
-        ("tone-mapped", "Reinhard's tone map x / (1 + x) was applied.",
-         srgb_from_linear(r / (1.0 + r))),
-    ):  # fmt: skip
-        yield Prediction(name, sentence, advice, linear_from_srgb(encoded))
+    twice = srgb_from_linear(srgb_from_linear(bright))
+    mapped = srgb_from_linear(r / (1.0 + r))
+    for text, encoded in (
+        (told("srgb-curve-missing"), bright),
+        (told("gamma-2.2-instead-of-srgb"), bright ** (1.0 / 2.2)),
+        (told("srgb-curve-applied-twice"), twice),
+        (told("tone-mapped", "tone-mapped-in-integers"), mapped),
+    ):
+        yield Prediction(*text, linear_from_srgb(encoded))
 
 
 def plain(evidence: Evidence) -> Iterator[Prediction]:
     """Predict a picture of one colour, or a black one."""
     colour = evidence.picture.mean(axis=(0, 1))
     if np.ptp(evidence.picture) == 0.0 and not colour.any():
-        yield Prediction(
-            "black",
-            "The picture is black.",
-            "Look at the way from a ray's radiance to the file, and at the camera.",
-            np.zeros_like(evidence.reference),
-        )
+        yield Prediction(*told("black"), np.zeros_like(evidence.reference))
     else:
         shown = ", ".join(f"{value:.3g}" for value in colour)
-        yield Prediction(
-            "one-colour",
-            f"The picture has one colour ({shown}) and nothing of the scene in it.",
-            "Look at the camera, and at what is written for a ray that meets nothing.",
-            np.broadcast_to(colour, evidence.reference.shape).copy(),
-            3,
-        )
+        pixels = np.broadcast_to(colour, evidence.reference.shape).copy()
+        yield Prediction(*told("one-colour", colour=shown), pixels, 3)
 
 
 def factors(evidence: Evidence) -> Iterator[Prediction]:
@@ -213,82 +192,48 @@ def factors(evidence: Evidence) -> Iterator[Prediction]:
     f = fitted_factor(evidence)
     named = [name for name, value in FACTORS.items() if abs(f / value - 1.0) < NEAR]
     if named and f > 0.0:
-        yield Prediction(
-            f"factor-{named[0]}",
-            f"All values are {named[0]} times as large ({f:.4g}).",
-            "A constant is missing or counted twice: the 1/pi of a diffuse BRDF, a pdf, "
-            "the area or the power of a light.",
-            FACTORS[named[0]] * r,
-        )
+        text = told(f"factor-{named[0]}", "factor", constant=named[0], f=f)
+        yield Prediction(*text, FACTORS[named[0]] * r)
     if abs(f - 1.0) > TOLD and f > 0.0:
-        yield Prediction(
-            "exposure",
-            f"All values are {f:.4g} times as large ({math.log2(f):+.3g} stops).",
-            "Look at exposure, the scale of lights, and the division by sample counts.",
-            f * r,
-            1,
-        )
+        yield Prediction(*told("exposure", f=f, stops=math.log2(f)), f * r, 1)
     each = np.array([fitted_factor(evidence, one) for one in np.eye(3)])
     missing = [name for name, f in zip("RGB", each, strict=True) if abs(f) < 0.01]
     if 0 < len(missing) < 3:
         kept = np.array([0.0 if name in missing else 1.0 for name in "RGB"])
-        yield Prediction(
-            "missing-channel",
-            f"Channel {' and '.join(missing)} is missing.",
-            "Look at how channels are written: order, names, number.",
-            kept * r,
-        )
+        yield Prediction(*told("missing-channel", names=" and ".join(missing)), kept * r)
     elif np.ptp(each) > TOLD:
         shown = ", ".join(f"{f:.4g}" for f in each)
-        yield Prediction(
-            "channel-factors",
-            f"R, G and B are {shown} times as large.",
-            "Look at the colour space of the film and of spectra, and at white balance.",
-            each * r,
-            3,
-        )
+        yield Prediction(*told("channel-factors", factors=shown), each * r, 3)
 
 
 def channels(evidence: Evidence) -> Iterator[Prediction]:
     """Predict channels in another order, and grey values."""
     for order in itertools.permutations(range(3)):
         if order != (0, 1, 2):
-            shown = "".join("RGB"[c] for c in order)
-            yield Prediction(
-                "swapped-channels",
-                f"R, G and B hold what should be in {', '.join(shown)}.",
-                "Look at the order of channels where the file is written (BGR?).",
-                evidence.reference[..., list(order)],
-            )
+            text = told("swapped-channels", order=", ".join("RGB"[c] for c in order))
+            yield Prediction(*text, evidence.reference[..., list(order)])
     for weights, how in (((1 / 3, 1 / 3, 1 / 3), "mean"), ((0.2126, 0.7152, 0.0722), "Y")):
         grey = evidence.reference @ np.array(weights)
-        yield Prediction(
-            "grey",
-            f"The picture is grey: each channel is the {how} of the three.",
-            "Look for an average over channels.",
-            np.repeat(grey[..., None], 3, axis=2),
-        )
+        pixels = np.repeat(grey[..., None], 3, axis=2)
+        yield Prediction(*told("grey", how=how), pixels)
 
 
 def orientations(evidence: Evidence) -> Iterator[Prediction]:
     """Predict mirrored, turned and transposed pictures."""
     r = evidence.reference
-    advice = (
-        "Look at the direction of the film's axes and at the order of rows in the file."
-    )
     turned = {
-        "mirrored-left-right": ("Left and right have changed places.", r[:, ::-1]),
-        "mirrored-top-bottom": ("Top and bottom have changed places.", r[::-1]),
-        "rotated-180": ("The picture is turned by half a turn.", r[::-1, ::-1]),
+        "mirrored-left-right": r[:, ::-1],
+        "mirrored-top-bottom": r[::-1],
+        "rotated-180": r[::-1, ::-1],
     }
     if r.shape[0] == r.shape[1]:
         turned |= {
-            "transposed": ("Rows and columns have changed places.", r.swapaxes(0, 1)),
-            "rotated-90": ("The picture is turned by 90 degrees.", np.rot90(r)),
-            "rotated-270": ("The picture is turned by 270 degrees.", np.rot90(r, 3)),
+            "transposed": r.swapaxes(0, 1),
+            "rotated-90": np.rot90(r),
+            "rotated-270": np.rot90(r, 3),
         }
-    for name, (sentence, pixels) in turned.items():
-        yield Prediction(name, sentence, advice, np.ascontiguousarray(pixels))
+    for name, pixels in turned.items():
+        yield Prediction(*told(name), np.ascontiguousarray(pixels))
 
 
 def shifts(evidence: Evidence) -> Iterator[Prediction]:
@@ -310,12 +255,7 @@ def shifts(evidence: Evidence) -> Iterator[Prediction]:
     if (x, y) == (0.0, 0.0) or max(abs(x), abs(y)) > FARTHEST:
         return
     half = "half-pixel-shift" if max(abs(x), abs(y)) == 0.5 else "shift"
-    yield Prediction(
-        half,
-        f"The picture lies {x:+g} pixels to the right and {y:+g} pixels down.",
-        "A sample of pixel (i, j) lies in [i, i + 1) x [j, j + 1), its centre at + 0.5.",
-        moved(np.array([x, y])),
-    )
+    yield Prediction(*told(half, "shift", x=x, y=y), moved(np.array([x, y])))
 
 
 def filters(evidence: Evidence) -> Iterator[Prediction]:
@@ -336,34 +276,19 @@ def filters(evidence: Evidence) -> Iterator[Prediction]:
         )
         sigma = float(found.x)
         if sigma > 0.25:
-            yield Prediction(
-                name,
-                f"The reconstruction filter is {name.removesuffix('-filter')} than the "
-                f"scene's (by a Gaussian of {sigma:.2g} pixels).",
-                "Use the filter of the scene file, or a box filter on both sides.",
-                blurred(sigma, sharpen),
-                1,
-            )
+            how = name.removesuffix("-filter")
+            text = told(name, "other-filter", how=how, sigma=sigma)
+            yield Prediction(*text, blurred(sigma, sharpen), 1)
 
 
 def clamped(evidence: Evidence) -> Iterator[Prediction]:
     """Predict values that are cut off."""
     highest = float(np.max(evidence.picture))
     if 0.0 < highest < 0.98 * float(np.max(evidence.reference)):
-        yield Prediction(
-            "clamped",
-            f"Values above {highest:.3g} are cut off.",
-            "Write floating-point values; clamp in the display alone.",
-            np.minimum(evidence.reference, highest),
-            1,
-        )
+        cut = np.minimum(evidence.reference, highest)
+        yield Prediction(*told("clamped", highest=highest), cut, 1)
     if float(np.min(evidence.reference)) < 0.0 <= float(np.min(evidence.picture)):
-        yield Prediction(
-            "negative-cut-off",
-            "Negative values are cut off.",
-            "Colours outside of sRGB have negative parts; keep them.",
-            np.maximum(evidence.reference, 0.0),
-        )
+        yield Prediction(*told("negative-cut-off"), np.maximum(evidence.reference, 0.0))
 
 
 def background(evidence: Evidence) -> Iterator[Prediction]:
@@ -373,12 +298,8 @@ def background(evidence: Evidence) -> Iterator[Prediction]:
         return
     seen = (shape.reshape(shape.shape[:2]) > 0)[..., None]
     if float(np.abs(evidence.reference[~seen[..., 0]]).max()) > 0.0:
-        yield Prediction(
-            "no-background",
-            "Where rays meet nothing the picture is black.",
-            "A ray that leaves the scene carries the light of the environment.",
-            np.where(seen, evidence.reference, 0.0),
-        )
+        dark = np.where(seen, evidence.reference, 0.0)
+        yield Prediction(*told("no-background"), dark)
 
 
 def materials(evidence: Evidence) -> Iterator[Prediction]:
@@ -394,13 +315,8 @@ def materials(evidence: Evidence) -> Iterator[Prediction]:
         f = fitted_factor(evidence, where)
         if abs(f - 1.0) > TOLD:
             name = evidence.shapes.get(int(number), f"number {int(number)}")
-            yield Prediction(
-                "material",
-                f"The pixels of shape {name} are {f:.4g} times as bright.",
-                "Look at the BSDF of this shape: its weight, its albedo, its textures.",
-                np.where(where, f, 1.0) * evidence.reference,
-                1,
-            )
+            pixels = np.where(where, f, 1.0) * evidence.reference
+            yield Prediction(*told("material", shape=name, f=f), pixels, 1)
 
 
 IMAGE_MISTAKES: tuple[Mistake, ...] = (

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import renderer
-from mitsuba_ref.diagnosis.image_mistakes import Floats, Prediction
+from mitsuba_ref.diagnosis.image_mistakes import Floats, Prediction, told
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, read_mutations
 from mitsuba_ref.mutations.mutant import Mutant, MutantError
 from mitsuba_ref.mutations.mutation import Mutation
@@ -83,23 +83,16 @@ def _kinds(scene: SceneDescription) -> str:
 
 def algorithm_mistakes(scene: SceneDescription) -> list[AlgorithmMistake]:
     """Return the mistakes that can show in a scene, in the order of the table."""
-    own = {mutation.name: mutation for mutation in (*CATALOGUE, *_own_mutations())}
-    found = []
-    for name, row in tomllib.loads(TABLE.read_text(encoding="utf-8"))["mistakes"].items():
-        if all(FEATURES[need](scene) for need in row.get("needs", ())):
-            found.append(
-                AlgorithmMistake(
-                    name,
-                    own[row.get("mutation", name)],
-                    row["sentence"],
-                    row["advice"],
-                )
-            )
-    return found
-
-
-def _own_mutations() -> tuple[Mutation, ...]:
-    return read_mutations(TABLE.with_name("mistakes_edits.toml"))
+    edits = read_mutations(TABLE.with_name("mistakes_edits.toml"))
+    own = {mutation.name: mutation for mutation in (*CATALOGUE, *edits)}
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["mistakes"]
+    return [
+        AlgorithmMistake(
+            name, own[row.get("mutation", name)], row["sentence"], row["advice"]
+        )
+        for name, row in rows.items()
+        if all(FEATURES[need](scene) for need in row.get("needs", ()))
+    ]
 
 
 def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, Any]]:
@@ -116,58 +109,39 @@ def reading_mistakes(scene: SceneDescription) -> Iterator[tuple[str, str, str, A
                 if other == depth + 1
                 else "depth-limited"
             )
-            yield (
-                name,
-                f"Paths have {other} segment{'s' if other > 1 else ''}; the scene says "
-                f"{'no limit' if depth < 0 else depth}.",
-                "max_depth counts the segments of a path, that from the camera included; "
-                "pbrt's maxdepth counts bounces and is one less. "
-                "Russian roulette without its compensation looks alike.",
-                replace(scene, integrator=replace(integrator, max_depth=other)),
-            )
+            segments = f"{other} segment{'s' if other > 1 else ''}"
+            limit = "no limit" if depth < 0 else depth
+            text = told(name, "other-depth", segments=segments, limit=limit)
+            yield *text, replace(scene, integrator=replace(integrator, max_depth=other))
     camera = scene.camera
     if isinstance(camera, PerspectiveCamera) and camera.film.width != camera.film.height:
         aspect = camera.film.width / camera.film.height
         half = math.tan(math.radians(camera.fov_x) / 2.0)
         for factor, axis in ((aspect, "height"), (1.0 / aspect, "width")):
             fov = math.degrees(2.0 * math.atan(half * factor))
-            yield (
-                "fov-axis",
-                f"The field of view was taken along the film's {axis}.",
-                "fov belongs to the axis that fov_axis names, x if it names none.",
-                replace(scene, camera=replace(camera, fov_x=fov)),
-            )
-    for word, name, sentence, advice in (
-        ("normals=flat", "normals-not-interpolated", "Vertex normals are not used.",
-         "Interpolate the normals of the vertices by the barycentric coordinates."),
-        ("textures=mean", "textures-missing", "Textures are replaced by their mean.",
-         "Look up the texture at the hit's uv."),
-    ):  # fmt: skip
+            edited = replace(scene, camera=replace(camera, fov_x=fov))
+            yield *told("fov-axis", axis=axis), edited
+    for word, name in (
+        ("normals=flat", "normals-not-interpolated"),
+        ("textures=mean", "textures-missing"),
+    ):
         try:
             edited = simplified(scene, word)
         except SceneError:
             continue
         if "nothing changes" not in edited.simplified[-1]:
-            yield name, sentence, advice, edited
+            yield *told(name), edited
     for number, emitter in enumerate(scene.emitters[:8]):
         others = [one for one in scene.emitters if one is not emitter]
-        yield (
-            "light-missing",
-            f"Light number {number + 1}, {type(emitter).__name__}, is missing.",
-            "Look at how lights of this kind are read and sampled.",
-            replace(scene, emitters=tuple(others)),
-        )
+        text = told("light-missing", number=number + 1, kind=type(emitter).__name__)
+        yield *text, replace(scene, emitters=tuple(others))
     lamps = [
         shape for shape in scene.shapes if getattr(shape, "radiance", None) is not None
     ]
     for lamp in lamps[:8]:
         dark = [replace(one, radiance=None) if one is lamp else one for one in scene.shapes]
-        yield (
-            "light-missing",
-            f"The area light of shape {lamp.id or lamp.location} is missing.",
-            "Look at how area lights are read and sampled.",
-            replace(scene, shapes=tuple(dark)),
-        )
+        text = told("light-missing", "lamp-missing", shape=lamp.id or lamp.location)
+        yield *text, replace(scene, shapes=tuple(dark))
 
 
 def render_reading_mistakes(

@@ -23,15 +23,12 @@ class Comparison:
         The tests, and the mistakes that explain the difference, the likeliest first.
     evidence
         The mean of the pictures and of the references, and AOVs of the scene.
-    lag
-        As in `difference.compare`.
     notes
         How the pictures were read, and how far the verdict can be trusted.
     """
 
     diagnosis: Diagnosis
     evidence: Evidence
-    lag: int
     notes: tuple[str, ...] = ()
 
     @property

@@ -90,7 +90,7 @@ def red_floor_by_one_density(*, green: float = 0.0) -> float:
     return _seen(shapes, z=0.5, depth=2, spectral=False)[0]
 
 
-def blue_through_coloured_mist(*, spectral: bool = False) -> float:
+def blue_in_coloured_mist(*, spectral: bool = False) -> float:
     """Return the blue behind what absorbs red, without spectral extinction: 1 on paper.
 
     Over exp(-sigma_t 2) of blue.

@@ -27,19 +27,13 @@ class RungAlarms:
     claimed: float | None
     below_often: Rate | None  # p-values of at most `OFTEN`
     detectable_bias: float | None  # median over the pairs
-    detectable: str
 
 
 @dataclass(frozen=True)
 class FalseAlarms:
     """One comparison of a scene with itself."""
 
-    scene: str
     comparison: str
-    width: int
-    height: int
-    spp: int
-    seeds: int  # pictures of each side in a pair
     rungs: tuple[RungAlarms, ...]
 
 
@@ -70,7 +64,7 @@ def count_broken(
     found = [_count(rungs) for rungs in zip(*climbs, strict=True)]
     broken = sum(any(not rung.passed for rung in rungs) for rungs in climbs)
     claims = [rung.claimed for rung in found if rung.claimed is not None]
-    whole = RungAlarms(together, rate(broken, len(climbs)), sum(claims), None, None, "")
+    whole = RungAlarms(together, rate(broken, len(climbs)), sum(claims), None, None)
     return (*found, whole)
 
 
@@ -84,7 +78,6 @@ def _count(rungs: Sequence[Rung]) -> RungAlarms:
         claimed=rungs[0].false_alarm_rate,
         below_often=rate(sum(value <= OFTEN for value in p), len(p)) if p else None,
         detectable_bias=float(np.median(bias)) if bias else None,
-        detectable=rungs[0].detectable,
     )
 
 

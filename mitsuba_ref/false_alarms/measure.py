@@ -30,7 +30,6 @@ from mitsuba_ref.ladder.rungs_of_convergence import convergence_seed
 from mitsuba_ref.ladder.rungs_with_noise import exponent
 from mitsuba_ref.records.results import Rung
 from mitsuba_ref.statistics.convergence import (
-    FEWEST_PAIRS,
     MOST_PICTURES,
     SAMPLES,
     Render,
@@ -89,7 +88,7 @@ def measure(
     ):
         progress(f"{name}: {comparison}")
         rungs = count_alarms(list(a), list(b))
-        measured.append(FalseAlarms(name, comparison, size, size, spp, seeds, rungs))
+        measured.append(FalseAlarms(comparison, rungs))
     return measured[0], measured[1]
 
 
@@ -112,15 +111,9 @@ def measure_convergence_alarms(
         climbs.append(
             [convergence_rung(side, render, trial) for side, render in renderers.items()]
         )
-    return FalseAlarms(
-        name,
-        f"how fast the noise falls, from {SAMPLES[0]} sample on (more pairs where needed)",
-        size,
-        size,
-        SAMPLES[-1],
-        2 * FEWEST_PAIRS,
-        count_broken(climbs, EITHER),
-    )
+    falls = f"how fast the noise falls, from {SAMPLES[0]} sample on"
+    comparison = f"{falls} (more pairs where needed)"
+    return FalseAlarms(comparison, count_broken(climbs, EITHER))
 
 
 def convergence_rung(side: str, render: Render, trial: int) -> Rung:

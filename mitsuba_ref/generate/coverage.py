@@ -27,17 +27,6 @@ def features_of(root: Element) -> Iterator[str]:
         yield from (pair(a, b) for a, b in combinations(properties, 2))
 
 
-def has(root: Element, tag: str, plugin: str, name: str = "", value: str = "") -> bool:
-    """Tell whether a scene has a plugin, with a property of this name and value."""
-    for element in root.iter(tag):
-        if element.get("type") != plugin:
-            continue
-        found = [child for child in element if child.get("name") == name]
-        if not name or any(value in ("", child.get("value")) for child in found):
-            return True
-    return False
-
-
 def pair(a: str, b: str) -> str:
     """Return the name of two features in one scene, or in one element."""
     return " + ".join(sorted((a, b)))

@@ -21,7 +21,7 @@ from mitsuba_ref.generate.faults import (
     NOT_FINITE,
     KnownFault,
 )
-from mitsuba_ref.generate.undo import copy_shared_bsdfs
+from mitsuba_ref.generate.scene_edits import copy_shared_bsdfs
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import MIN_THREADS, RenderRequest
@@ -131,6 +131,7 @@ class Judge:
         own = scene._replace(root=copy.deepcopy(scene.root))
         if copy_shared_bsdfs(own.root) and self._judge(own).verdict not in UNCLASSED:
             return found  # sharing them is what differs, which is no known fault
+        tried.add(scene_text(own.root))  # a fault that is not in it leaves it so
         left = []
         for fault, undone in _without_faults(own, found):
             if (text := scene_text(undone.root)) not in tried:
@@ -227,9 +228,10 @@ def _without_faults(
 ) -> Iterator[tuple[KnownFault, DrawnScene]]:
     """Yield faults that may explain a difference, each with the scene without it."""
     for fault in KNOWN_FAULTS:
-        root = copy.deepcopy(scene.root)
-        if fault.explains(found.quantity, found.error) and fault.undo(root):
-            yield fault, scene._replace(root=root)
+        if fault.explains(found.quantity, found.error):
+            undone = scene._replace(root=copy.deepcopy(scene.root))
+            fault.undo(undone.root)
+            yield fault, undone
 
 
 def _without(error: Exception, path: Path) -> str:

@@ -54,11 +54,6 @@ class Row:
         return next((rung.name for rung in self.rungs if rung.caught), None)
 
     @property
-    def blind(self) -> tuple[str, ...]:
-        """The rungs that ran and see nothing, except for those that any answer passes."""
-        return tuple(r.name for r in self.rungs if not r.caught and r.name != RUNS)
-
-    @property
     def compiles(self) -> bool:
         """Whether there was a mutant to render: Numba may refuse what was edited."""
         return not any(r.name == RUNS and refused_by_numba(r.why) for r in self.rungs)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Literal, get_args
 
 Verdict = Literal[
     "fail",
@@ -32,68 +34,9 @@ class VerdictFacts:
     advice: str  # what can be done
 
 
+_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 VERDICTS: dict[Verdict, VerdictFacts] = {
-    "fail": VerdictFacts(
-        1,
-        "the pictures differ by more than noise explains",
-        "look at the signed difference in the report",
-    ),
-    "not-finite": VerdictFacts(
-        3,
-        "a picture holds NaN or Inf, so nothing was measured",
-        "look at the named pixel; the report paints such pixels magenta",
-    ),
-    "size-mismatch": VerdictFacts(
-        4,
-        "the pictures differ in size or in channels, or are empty",
-        "check the film's size, crop window and pixel format",
-    ),
-    "broken": VerdictFacts(
-        5,
-        "a bug on our side, or a disk that cannot be written",
-        "please report it with the scene file",
-    ),
-    "mitsuba-crashed": VerdictFacts(
-        6,
-        "Mitsuba's process ended without an answer",
-        "run it again, and if it stays, give the file to Mitsuba alone",
-    ),
-    "mitsuba-timeout": VerdictFacts(
-        7,
-        "Mitsuba was silent until the time limit and was ended",
-        "give it longer with --time-limit, or less to do with --spp or --size test",
-    ),
-    "refused-by-us": VerdictFacts(
-        8,
-        "Mitsuba renders the scene, we do not",
-        "take out what the sentence names, or teach it to our renderer",
-    ),
-    "refused-by-mitsuba": VerdictFacts(
-        9,
-        "we render the scene, Mitsuba does not",
-        "correct the file: it is not Mitsuba's format, although we took it",
-    ),
-    "refused-by-both": VerdictFacts(
-        10,
-        "neither renders the scene",
-        "correct the file",
-    ),
-    "bad-request": VerdictFacts(
-        11,
-        "not compared: proof.toml, -D or the file of --plugins cannot be used",
-        "correct proof.toml, -D or the file of --plugins",
-    ),
-    "error": VerdictFacts(
-        1,
-        "not rendered; only in a results.json of an older version",
-        "compare again",
-    ),
-    "reference-wrong": VerdictFacts(
-        12,
-        "the reference is known to be wrong here; with its fault undone both agree",
-        "nothing is to be done here; mind that Mitsuba alone shows another picture",
-    ),
-    "pass": VerdictFacts(0, "the pictures agree up to noise", "nothing is to be done"),
+    verdict: VerdictFacts(**_TABLE[verdict]) for verdict in get_args(Verdict)
 }
 """From the most severe to the best, which is the order of the page as well."""
 

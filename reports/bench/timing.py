@@ -6,6 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from scipy import stats
 
@@ -63,6 +64,11 @@ def median_interval(values: Sequence[float]) -> Interval:
     low = int(stats.binom.ppf((1.0 - LEVEL) / 2.0, n, 0.5))
     k = max(0, low - 1) if stats.binom.cdf(low, n, 0.5) > (1.0 - LEVEL) / 2.0 else low
     return ordered[k], ordered[n - 1 - k]
+
+
+def median(values: Sequence[float]) -> dict[str, Any]:
+    """Return the median of values and its interval, as fields of a row."""
+    return {"value": statistics.median(values), "interval": median_interval(values)}
 
 
 def ratio(first: Sequence[float], second: Sequence[float]) -> tuple[float, Interval]:

@@ -5,7 +5,6 @@ Brute force gives the truth, Embree runs on the same rays in the same rounds.
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Iterator
 from functools import partial
 
@@ -17,7 +16,7 @@ from renderer.accelerators.choice import RayCounts, choose_structure
 from renderer.kernels.records import batch as tally
 from reports.bench.rows import Row
 from reports.bench.study import Bench, Study
-from reports.bench.timing import median_interval, ratio
+from reports.bench.timing import median, ratio
 from reports.look.heat_map import heat_map
 from reports.trials import meshes
 from reports.trials.embree_peers import EMBREEX
@@ -110,8 +109,7 @@ def mesh_rows(
                 contender=name,
                 quantity=f"{kind} rays" + (", all threads" if threads == every > 1 else ""),
                 unit="ns",
-                value=statistics.median(times),
-                interval=median_interval(times),
+                **median(times),
             )
     yield from _beside_peers(found, every, row)
     for rays in WORKLOADS:

@@ -23,14 +23,13 @@ from renderer.kernels.records.batch import BOXES, PRIMITIVES
 from renderer.scene_file import read_file
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
-from reports.bench.timing import median_interval, ratio, take_turns
+from reports.bench.timing import median, ratio, take_turns
 from reports.look.formatting import number
 from reports.trials.contenders import (
     OURS,
     REFERENCE,
     compare_means,
     load_all,
-    remembered,
 )
 from reports.trials.first_pictures import start_seconds
 from reports.trials.large_meshes import FREQUENCY, LARGE, written
@@ -116,7 +115,7 @@ def _picture(case: str, wanted: Picture, bench: Bench) -> Iterator[Row]:
         )
         for peer, why in absent.items():
             yield Row(case=case, contender=peer, quantity="left out", value=why)
-        mine = remembered(contenders[OURS])
+        mine = functools.cache(contenders[OURS])
         for peer in list(contenders)[1:]:
             bench.show(f"comparing image means with {peer}")
             means = compare_means(mine, contenders[peer], CHECK_SEEDS, check)
@@ -233,8 +232,7 @@ def compared(
             contender=name,
             quantity=f"time of a {what}",
             unit=unit,
-            value=statistics.median(values),
-            interval=median_interval(values),
+            **median(values),
         )
 
 
@@ -246,11 +244,7 @@ def _start(bench: Bench) -> Iterator[Row]:
     bench.show("kernels in the cache")
     start()  # fills it
     warm = [start() for _ in range(_rounds(bench))]
-    yield row(
-        contender="kernels in the cache",
-        value=statistics.median(warm),
-        interval=median_interval(warm),
-    )
+    yield row(contender="kernels in the cache", **median(warm))
     if not bench.quick:
         bench.show("nothing in the cache")
         with tempfile.TemporaryDirectory() as empty:

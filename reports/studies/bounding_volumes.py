@@ -211,10 +211,8 @@ def measure_object(case: str, rays: int, detail: int, repeats: int) -> Iterator[
         ]
     yield from rows
     batch = _lines(records["sphere"], TIMED_RAYS, generator)
-    some, found = (
-        np.full(TIMED_RAYS + PADDING, np.inf, np.float32),
-        np.zeros(1100, np.int32),
-    )
+    some = np.full(TIMED_RAYS + PADDING, np.inf, np.float32)
+    found = np.zeros(1100, np.int32)
 
     def test(record: Any, count: int) -> None:
         _test_again(record, batch.origin, batch.direction, some, found, count)

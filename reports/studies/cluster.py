@@ -23,7 +23,7 @@ from renderer.rendering.cluster.source import ClusterWorkers
 from renderer.scene.scene import Scene
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
-from reports.bench.timing import median_interval, ratio, take_turns
+from reports.bench.timing import median, ratio, take_turns
 from reports.trials.cluster_simulation import CASES, Costs, simulate
 from reports.trials.scene_files import scene_file
 
@@ -102,8 +102,7 @@ def _against_threads(side: int, count: int, bench: Bench) -> Iterator[Row]:
             contender=name,
             quantity="time",
             unit="s",
-            value=statistics.median(seconds),
-            interval=median_interval(seconds),
+            **median(seconds),
         )
     value, interval = ratio(times["workers"], times["threads"])
     several = functools.partial(row, contender=f"{count} worker{'s' * (count > 1)}")

@@ -32,7 +32,7 @@ from reports.errors import ReportError
 from reports.look.pictures import exposure_stops, tone_mapped
 from reports.pages.speed_accuracy_page import verdict
 from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
-from reports.trials.contenders import OURS
+from reports.trials.contenders import OURS, Picture
 from reports.trials.large_meshes import LARGE, written
 from reports.trials.noiseless import has_noise, measure_noiseless
 from reports.trials.references import long_picture
@@ -41,7 +41,6 @@ from reports.trials.timed_renderers import (
     JUDGES,
     OTHERS,
     VARIANTS,
-    Picture,
     Settings,
     means_apart,
     mitsuba_renderers,
@@ -55,11 +54,7 @@ Errors = dict[str, list[list[float]]]  # of a contender, at each number of sampl
 
 def cases() -> list[str]:
     """Return the folders of scenes/ and the generated scenes."""
-    return [
-        *scene_names(),
-        *LARGE,
-        *ARCHITECTURE,
-    ]
+    return [*scene_names(), *LARGE, *ARCHITECTURE]
 
 
 def settings_of(bench: Bench) -> Settings:

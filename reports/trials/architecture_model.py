@@ -16,17 +16,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mitsuba_ref.records.json_files import write_atomically
-from reports.trials.large_meshes import scene_head
+from reports.trials.large_meshes import ply_bytes, scene_head
+from reports.trials.meshes import CORNERS, SIDES
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Mesh = tuple[Floats, NDArray[np.int64], Floats]  # vertices (V, 3), faces (F, 3), uv (V, 2)
 
 TEXTURE = 256  # [pixels] a side
-CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, 8).T
-SIDES = np.array(  # corners of the six sides of a box
-    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-)
 
 
 @dataclass
@@ -109,7 +106,8 @@ class Model:
     def write(self, path: Path) -> None:
         """Write a scene file, and its meshes and images into the same folder."""
         for material, meshes in self.meshes.items():
-            write_atomically(path.parent / f"{material}.ply", ply_bytes(meshes))
+            content = ply_bytes(*joined(meshes), "xyzuv")
+            write_atomically(path.parent / f"{material}.ply", content)
         text = scene_text(self)
         for name in set(re.findall(r'value="(\w+)\.png"', text)):
             Image.fromarray(texture(name)).save(path.parent / f"{name}.png")
@@ -180,18 +178,12 @@ def texture(name: str) -> NDArray[np.uint8]:
     return np.round(255.0 * np.clip(tone[..., None] * colour, 0.0, 1.0)).astype(np.uint8)
 
 
-def ply_bytes(meshes: Sequence[Mesh]) -> bytes:
-    """Return meshes as one binary PLY file with texture coordinates."""
+def joined(meshes: Sequence[Mesh]) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the vertices with their texture coordinates (V, 5), and the faces."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in meshes)])
     vertices = np.concatenate([np.hstack((v, uv)) for v, _, uv in meshes])
-    corners = np.concatenate([f + s for (_, f, _), s in zip(meshes, starts, strict=False)])
-    faces = np.empty(len(corners), [("corners", "u1"), ("vertices", "<i4", 3)])
-    faces["corners"], faces["vertices"] = 3, corners
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property float {name}" for name in "xyzuv"]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    text = "\n".join([*header, "end_header\n"]).encode()
-    return text + vertices.astype("<f4").tobytes() + faces.tobytes()
+    corners = [f + s for (_, f, _), s in zip(meshes, starts, strict=False)]
+    return vertices, np.concatenate(corners)
 
 
 def diffuse(colour: str) -> str:

@@ -11,6 +11,7 @@ both sides, so that programs with other material models can draw them too; those
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,20 +21,12 @@ from renderer.process.cache_folder import cache_folder
 from reports.trials import architecture_model, interiors
 from reports.trials.architecture_model import Floats, Model, grid
 
+VIEWS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+
 
 def hall() -> Model:
     """Return a hall of two rows of fluted columns under a coffered ceiling."""
-    model = Model(
-        (0.6, -1.0, 1.7),
-        (-0.4, 20.0, 3.4),
-        74.0,
-        {
-            "marble": "marble",
-            "stone": "0.72, 0.69, 0.62",
-            "wall": "plaster",
-            "gold": "0.75, 0.55, 0.25",
-        },
-    )
+    model = Model(**VIEWS["hall"])
     model.boxes("marble", (-8, -2, -0.2), (8, 40, 0), 2.0)
     low = [(-8.4, -2, 0), (8, -2, 0), (-8, 40, 0), (-8, -2.4, 0)]
     high = [(-8, 40, 9), (8.4, 40, 9), (8, 40.4, 9), (8, -2, 9)]
@@ -72,20 +65,7 @@ def hall() -> Model:
 
 def street() -> Model:
     """Return a street of houses at night, with lit windows and street lamps."""
-    model = Model(
-        (1.2, -9.0, 2.2),
-        (-0.8, 12.0, 5.0),
-        70.0,
-        {
-            "brick": "brick",
-            "paving": "paving",
-            "plaster": "plaster",
-            "frame": "0.8, 0.78, 0.72",
-            "iron": "0.08, 0.08, 0.1",
-            "glass": "0.05, 0.06, 0.08",
-        },
-        sky="0.02, 0.03, 0.07",
-    )
+    model = Model(**VIEWS["street"])
     rng = np.random.default_rng(7)
     model.boxes("paving", (-30, -20, -0.2), (30, 90, 0), 1.5)
     for sign in (-1.0, 1.0):
@@ -157,30 +137,8 @@ def _windows(model: Model, places: Floats, sign: float, rng: np.random.Generator
 
 def library() -> Model:
     """Return a reading room: shelves of books, tables, chairs and hundreds of lamps."""
-    books = {
-        f"book{k}": colour
-        for k, colour in enumerate(
-            (
-                "0.35, 0.08, 0.06",
-                "0.08, 0.18, 0.3",
-                "0.1, 0.26, 0.13",
-                "0.45, 0.36, 0.2",
-                "0.16, 0.1, 0.07",
-            )
-        )
-    }
-    model = Model(
-        (0.3, -0.6, 1.75),
-        (-0.4, 16.0, 1.3),
-        72.0,
-        {
-            "wood": "planks",
-            "dark": "0.22, 0.11, 0.06",
-            "wall": "plaster",
-            "brass": "0.7, 0.5, 0.2",
-            **books,
-        },
-    )
+    model = Model(**VIEWS["library"])
+    books = [name for name in model.colours if name.startswith("book")]
     rng = np.random.default_rng(11)
     model.boxes("wood", (-7, -1, -0.1), (7, 30, 0), 1.2)
     walls = [(-7.2, -1, 0), (7, -1, 0), (-7, 30, 0), (-7, -1.2, 0), (-7, -1, 5)]
@@ -199,18 +157,16 @@ def library() -> Model:
             edges = np.cumsum(rng.uniform(0.025, 0.065, 650))
             edges = edges[(edges < 28.9) & (np.mod(edges, 1.45) > 0.13)]
             widths = rng.uniform(0.018, 0.024, len(edges))
-            tall, deep = (
-                rng.uniform(0.22, 0.36, len(edges)),
-                rng.uniform(0.02, 0.12, len(edges)),
-            )
+            tall = rng.uniform(0.22, 0.36, len(edges))
+            deep = rng.uniform(0.02, 0.12, len(edges))
             near = np.where(sign < 0, low, low + deep)
             far = np.where(sign < 0, high - deep, high)
             colours = rng.integers(0, len(books), len(edges))
-            for k in range(len(books)):
+            for k, book in enumerate(books):
                 at = colours == k
                 first = np.stack((near, edges, np.full_like(edges, z)), axis=1)[at]
                 last = np.stack((far, edges + widths, z + tall), axis=1)[at]
-                model.boxes(f"book{k}", first, last)
+                model.boxes(book, first, last)
     tables = grid((-2.6, 2.6), np.arange(2.0, 29.0, 3.0), 0.0)
     model.boxes("wood", tables + (-1.5, -0.5, 0.74), tables + (1.5, 0.5, 0.8), 0.8)
     leg = [(0.04, 0), (0.06, 0.1), (0.03, 0.2), (0.06, 0.45), (0.035, 0.6), (0.07, 0.74)]
@@ -248,8 +204,9 @@ ARCHITECTURE: dict[str, Callable[[], Model]] = {
 
 def architecture_scene(name: str) -> Path:
     """Return the scene file of one of `ARCHITECTURE`; write it to the cache if it lacks."""
-    sources = (__file__, architecture_model.__file__, interiors.__file__)
-    content = b"".join(Path(file).read_bytes() for file in sources)
+    modules = (__file__, architecture_model.__file__, interiors.__file__)
+    sources = (*map(Path, modules), Path(__file__).with_suffix(".toml"))
+    content = b"".join(source.read_bytes() for source in sources)
     digest = hashlib.sha256(content).hexdigest()[:12]
     folder = cache_folder("architecture_scenes") / digest / name
     path = folder / "scene.xml"

@@ -6,7 +6,6 @@ already. Speed of a wrong picture is worth nothing, so `compare_means` comes bef
 
 from __future__ import annotations
 
-import functools
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -40,6 +39,7 @@ ROUNDING = 1e-5
 
 Rgb = tuple[float, float, float]
 Picture = NDArray[np.float64]  # (height, width, 3), linear sRGB
+Shot = tuple[float, Picture]  # seconds, and what was rendered
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +48,14 @@ class Render:
 
     seconds: float
     mean: Rgb  # of all pixels, linear sRGB
-    picture: Picture | None = None  # None from a process that has no folder for it
 
 
 Contender = Callable[[int, int], Render]
 """Renders with (seed, samples per pixel), warm."""
 
 
-def ours(scene: Scene, threads: int, **ways: Any) -> Contender:
-    """Return our renderer.
+def of_ours(scene: Scene, threads: int, **ways: Any) -> Callable[[int, int], Shot]:
+    """Return our renderer, by (seed, samples per pixel).
 
     Parameters
     ----------
@@ -69,22 +68,30 @@ def ours(scene: Scene, threads: int, **ways: Any) -> Contender:
 
     Returns
     -------
-    contender
+    function
         Raises KeyboardInterrupt instead of returning a part of the samples.
     """
 
-    def render(seed: int, spp: int) -> Render:
+    def render(seed: int, spp: int) -> Shot:
         begin = time.perf_counter()
-        image = np.asarray(whole(renderer.render(scene, spp, seed, threads, **ways)))
-        return _rendered(time.perf_counter() - begin, image)
+        picture = np.asarray(whole(renderer.render(scene, spp, seed, threads, **ways)))
+        return time.perf_counter() - begin, picture[..., :3].astype(np.float64)
 
     return render
 
 
-def mitsuba(
-    peer: TimedMitsuba, sampler: str | None = None, folder: Path | None = None
-) -> Contender:
-    """Return a variant of Mitsuba.
+def mean_of(renders: Callable[[int, int], Shot]) -> Contender:
+    """Return a renderer of which the means of pictures are compared."""
+
+    def render(seed: int, spp: int) -> Render:
+        seconds, picture = renders(seed, spp)
+        return Render(seconds, _rgb(picture.mean(axis=(0, 1))))
+
+    return render
+
+
+def mitsuba(peer: TimedMitsuba, sampler: str | None = None) -> Contender:
+    """Return a variant of Mitsuba; of its pictures only their means come back.
 
     Pictures of its neighbouring seeds share random numbers (docs/statistics.md); the seeds
     that it gets are `SEED_STEP` apart.
@@ -95,23 +102,13 @@ def mitsuba(
         A process with the scene loaded.
     sampler
         One that it was loaded with; None: the file's.
-    folder
-        Where it leaves its pictures; None: only their means come back.
     """
-    file = folder and folder / "picture.npy"
 
     def render(seed: int, spp: int) -> Render:
-        timed = peer.render(SEED_STEP * seed, spp, file, sampler)
-        if file is None:
-            return Render(timed.seconds, timed.mean)
-        return _rendered(timed.seconds, np.load(file))
+        timed = peer.render(SEED_STEP * seed, spp, None, sampler)
+        return Render(timed.seconds, timed.mean)
 
     return render
-
-
-def _rendered(seconds: float, image: NDArray[Any]) -> Render:
-    picture = image[..., :3].astype(np.float64)
-    return Render(seconds, _rgb(picture.mean(axis=(0, 1))), picture)
 
 
 def load_all(
@@ -152,7 +149,7 @@ def load_all(
     """
     show(f"loading {OURS}")
     scene = renderer.load_file(path, **parameters)
-    contenders = {OURS: ours(scene, threads, sampler=sampler, **ways)}
+    contenders = {OURS: mean_of(of_ours(scene, threads, sampler=sampler, **ways))}
     absent: dict[str, str] = {}
     for name, variant in PEERS.items():
         show(f"loading {name}")
@@ -223,17 +220,6 @@ def compare_means(
         _rgb(one.mean(axis=0)),
         _rgb(two.mean(axis=0)),
     )
-
-
-def remembered(contender: Contender) -> Contender:
-    """Return a contender that renders the same seed and samples once; means alone stay."""
-
-    @functools.cache
-    def render(seed: int, spp: int) -> Render:
-        made = contender(seed, spp)
-        return Render(made.seconds, made.mean)
-
-    return render
 
 
 def _rgb(values: NDArray[Any]) -> Rgb:

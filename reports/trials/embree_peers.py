@@ -200,12 +200,9 @@ def _mitsuba(mesh: StudyMesh, rows: Mapping[str, Rows], stack: ExitStack) -> Pee
         peer.fault = f"not available: {error}"
         return peer
 
-    def settings(kind: str) -> dict[str, bool]:
-        return {"any_hit": RAY_KINDS[kind].any_hit, "coherent": RAY_KINDS[kind].coherent}
-
     peer.build = mitsuba.build
     peer.seconds = lambda kind, threads: mitsuba.trace(
-        kind, threads=threads, **settings(kind)
+        kind, threads=threads, **RAY_KINDS[kind]._asdict()
     )
-    peer.found = lambda kind: mitsuba.found(kind, **settings(kind))
+    peer.found = lambda kind: mitsuba.found(kind, **RAY_KINDS[kind]._asdict())
     return peer

@@ -45,32 +45,7 @@ SIZE = {"width": "64", "height": "48"}
 SEED, SPP = 77, 16
 HOMEWORK_SPP = 4  # a minute for a picture by the simple renderer
 HOMEWORK_SECONDS = 900.0  # until such a picture is given up
-
-ROOM = """<scene version="3.0.0">
-<default name="spp" value="64"/><default name="width" value="64"/>
-<default name="height" value="48"/>
-<integrator type="path"><integer name="max_depth" value="6"/></integrator>
-<sensor type="perspective"><float name="fov" value="50"/><transform name="to_world">
-<lookat origin="0, -4, 1.7" target="0, 0, 0.8" up="0, 0, 1"/></transform>
-<film type="hdrfilm"><integer name="width" value="$width"/>
-<integer name="height" value="$height"/><rfilter type="box"/></film>
-<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler></sensor>
-<shape type="rectangle" id="floor"><transform name="to_world"><scale value="3"/></transform>
-<bsdf type="diffuse"><texture name="reflectance" type="bitmap">
-<string name="filename" value="{image}"/></texture></bsdf></shape>
-<shape type="rectangle" id="wall"><transform name="to_world"><scale value="3"/>
-<rotate x="1" angle="90"/><translate y="2"/></transform>
-<bsdf type="diffuse"><rgb name="reflectance" value="0.3, 0.5, 0.4"/></bsdf></shape>
-<shape type="sphere" id="glass"><point name="center" x="-0.8" y="0" z="0.8"/>
-<float name="radius" value="0.8"/><bsdf type="dielectric"/></shape>
-<shape type="sphere" id="ball"><point name="center" x="1.1" y="0.3" z="0.7"/>
-<float name="radius" value="0.7"/><bsdf type="diffuse">
-<rgb name="reflectance" value="0.8, 0.5, 0.3"/></bsdf></shape>
-<emitter type="point"><point name="position" x="-2" y="-1" z="3"/>
-<rgb name="intensity" value="30, 28, 24"/></emitter>
-<emitter type="point"><point name="position" x="2.4" y="-2" z="2.2"/>
-<rgb name="intensity" value="6, 9, 14"/></emitter></scene>
-"""
+ROOM = Path(__file__).with_name("room.xml")
 
 
 @dataclass(frozen=True)
@@ -100,11 +75,8 @@ class FaultyPicture:
 
 def room(folder: Path) -> Path:
     """Write the scene "room": point lights, glass, an image; return its path."""
-    path = folder / "room.xml"
-    image = SCENES / "textured-room" / "textures" / "sunset.jpg"
-    shutil.copy(image, folder)
-    path.write_text(ROOM.format(image=image.name), encoding="utf-8")
-    return path
+    shutil.copy(SCENES / "textured-room" / "textures" / "sunset.jpg", folder)
+    return Path(shutil.copy(ROOM, folder))
 
 
 def right_picture(scene: Path, seed: int, spp: int | None = SPP) -> Floats:

@@ -12,10 +12,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from reports.trials.meshes import StudyMesh, View, displaced_icosphere
+from reports.trials.meshes import View, displaced_icosphere
 
 FREQUENCY = 128  # 327,680 triangles
 SIZE = 1280, 720
@@ -58,7 +60,7 @@ def written(names: list[str], frequency: int = FREQUENCY) -> Iterator[list[Path]
         yield []
         return
     mesh = displaced_icosphere(frequency)
-    ball = ply_bytes(mesh)
+    ball = ply_bytes(mesh.vertices, mesh.faces)
     with TemporaryDirectory() as folder:
         paths = []
         for name in names:
@@ -70,22 +72,17 @@ def written(names: list[str], frequency: int = FREQUENCY) -> Iterator[list[Path]
         yield paths
 
 
-def ply_bytes(mesh: StudyMesh) -> bytes:
-    """Return a mesh as a binary PLY file."""
-    faces = np.empty(len(mesh.faces), [("corners", "u1"), ("vertices", "<i4", 3)])
-    faces["corners"], faces["vertices"] = 3, mesh.faces
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(mesh.vertices)}",
-        *(f"property float {axis}" for axis in "xyz"),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header\n",
-    ]
-    return (
-        "\n".join(header).encode() + mesh.vertices.astype("<f4").tobytes() + faces.tobytes()
-    )
+def ply_bytes(
+    vertices: NDArray[Any], faces: NDArray[Any], properties: Sequence[str] = "xyz"
+) -> bytes:
+    """Return a mesh as a binary PLY file; vertices have a column for each property."""
+    rows = np.empty(len(faces), [("corners", "u1"), ("vertices", "<i4", 3)])
+    rows["corners"], rows["vertices"] = 3, faces
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {name}" for name in properties]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    text = "\n".join([*header, "end_header\n"]).encode()
+    return text + vertices.astype("<f4").tobytes() + rows.tobytes()
 
 
 def scene_head(

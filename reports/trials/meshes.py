@@ -23,6 +23,10 @@ Vector = tuple[float, float, float]
 TEAPOT = Path(__file__).resolve().parents[2] / "scenes/appel-teapot/meshes/teapot.ply"
 BALL_TRIANGLES = 5000  # of the ball in the stadium
 SEED = 5
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])  # of a box
+SIDES = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
 
 
 class View(NamedTuple):
@@ -37,11 +41,9 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StudyMesh:
-    """A triangle mesh, a view of it, and what it is for."""
+    """A triangle mesh, and a view of it."""
 
     name: str
-    title: str
-    about: str
     vertices: NDArray[np.float32]  # (V, 3)
     faces: NDArray[np.int32]  # (F, 3)
     view: View
@@ -101,9 +103,6 @@ def displaced_icosphere(frequency: int) -> StudyMesh:
     p /= np.linalg.norm(p, axis=1, keepdims=True)
     return StudyMesh(
         "icosphere",
-        "Displaced ball",
-        "A ball with smooth bumps: one compact object whose triangles are alike. The "
-        "kindest case for every structure.",
         _bumps(p),
         np.concatenate(faces).astype(np.int32),
         View((1.9, 1.3, 2.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 45.0, (-3.0, 4.0, 3.0)),
@@ -166,9 +165,6 @@ def teapot(step: int = 1) -> StudyMesh:
         faces = faces[np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-9]
     return StudyMesh(
         "teapot",
-        "The lecture's teapot",
-        "Newell's teapot cut into the 6320 triangles that the lecture counts with: small "
-        "and large triangles side by side.",
         vertices,
         np.ascontiguousarray(faces, np.int32),
         # wide enough for the whole pot, spout and handle
@@ -184,9 +180,6 @@ def soup(count: int) -> StudyMesh:
     points = np.concatenate((corner, others), axis=1).astype(np.float32)
     return StudyMesh(
         "soup",
-        "Triangle soup",
-        "Triangles at random places in a cube: no surface, much overlap. Their size falls "
-        "with their number, so that rays hit as often in any size.",
         points.reshape(-1, 3),
         np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
         View((1.5, 1.2, 3.5), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 45.0, (3.0, 4.0, 2.0)),
@@ -227,9 +220,6 @@ def teapot_in_a_stadium(rings: int = 51, width: float = 1000.0) -> StudyMesh:
     points[north + 2 :, 2] = -0.5
     return StudyMesh(
         "stadium",
-        "Teapot in a stadium",
-        "A ball of size 1 on a ground of size 1000: nearly all triangles in one place of "
-        "nearly empty space. Eric Haines's example of what a uniform grid cannot do.",
         points.astype(np.float32),
         np.concatenate(faces).astype(np.int32),
         View((1.2, -1.6, 0.9), (0.0, 0.0, -0.05), (0.0, 0.0, 1.0), 40.0, (3.0, -2.0, 5.0)),
@@ -250,19 +240,13 @@ def street(boxes: int) -> StudyMesh:
         ),
         axis=1,
     )
-    cube = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
-    quads.append((1, 5, 7, 3))
-    cut = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    points = low[:, None] + cube * size[:, None]
+    cut = SIDES[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    points = low[:, None] + CORNERS * size[:, None]
     faces = (8 * house)[:, None, None] + cut
     length = float(low[-1, 2]) + 2.0
     ground = np.array([(x, 0.0, z) for x in (-8.0, 8.0) for z in (-4.0, length)])
     return StudyMesh(
         "street",
-        "Street of boxes",
-        "Two long rows of houses: walls along the axes, wall to wall, and a space that is "
-        "far longer than it is wide.",
         np.concatenate((points.reshape(-1, 3), ground)).astype(np.float32),
         np.concatenate(
             (faces.reshape(-1, 3), 8 * boxes + np.array([(0, 1, 2), (1, 3, 2)]))

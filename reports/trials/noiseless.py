@@ -23,17 +23,15 @@ from renderer.process.names import ACCELERATORS, RAY_OFFSETS, REPLAY
 from renderer.rendering.accuracy import relative_error, relative_squares
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
-from reports.trials.contenders import OURS
+from reports.trials.contenders import OURS, Picture, of_ours
 from reports.trials.references import true_radiance
 from reports.trials.timed_renderers import (
     METHODS,
     VARIANTS,
     Contender,
-    Picture,
     Settings,
     Show,
     of_mitsuba,
-    of_ours,
 )
 
 PIXELS = 1000  # that have a truth: it takes 1 to 15 ms for each

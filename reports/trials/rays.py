@@ -166,7 +166,7 @@ def diffuse_rays(points: HitPoints, seed: int = 1) -> RayBatches:
     generator = np.random.default_rng(seed)
     # The normal plus a point of the unit sphere around its tip is distributed by the
     # cosine; the sphere is a little smaller, so that the sum is never 0.
-    direction = points.normal + 0.999 * _directions(len(points.normal), generator)
+    direction = points.normal + 0.999 * directions(len(points.normal), generator)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     return in_batches(points.position, direction, np.inf)
 
@@ -177,11 +177,11 @@ def random_rays(mesh: StudyMesh, count: int, seed: int = 2) -> RayBatches:
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     centre, radius = (low + high) / 2.0, np.linalg.norm(high - low) / 2.0
     share = generator.random((count, 1)) ** (1.0 / 3.0)
-    origin = centre + radius * share * _directions(count, generator)
-    return in_batches(origin, _directions(count, generator), np.inf)
+    origin = centre + radius * share * directions(count, generator)
+    return in_batches(origin, directions(count, generator), np.inf)
 
 
-def _directions(count: int, generator: np.random.Generator) -> NDArray[np.float64]:
+def directions(count: int, generator: np.random.Generator) -> NDArray[np.float64]:
     """Return uniformly distributed unit vectors (count, 3)."""
     v = generator.normal(size=(count, 3))
     return v / np.linalg.norm(v, axis=1, keepdims=True)

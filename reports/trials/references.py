@@ -30,7 +30,8 @@ from renderer.rendering.accuracy import relative_error
 from renderer.scene_file import SceneDescription
 from renderer.scene_file.objects.films import round_sample_count
 from reports.trials import truth
-from reports.trials.timed_renderers import LONG, Contender, Picture, Show
+from reports.trials.contenders import Picture
+from reports.trials.timed_renderers import LONG, Contender, Show
 
 PARTS = 8  # pictures whose mean it is: their scatter tells its own error
 SEED = 1_000_000  # far from those of the pictures that are judged

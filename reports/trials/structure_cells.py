@@ -26,9 +26,9 @@ from renderer.textbook.bounding_volumes import Aabb, BoundingSphere, Slabs
 from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import CellTree, cells_of
 from renderer.textbook.grid_walk import Grids
+from reports.trials.meshes import CORNERS
 
 Edges = NDArray[np.float64]  # (m, 2 ends, 3)
-CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 CIRCLE = 48  # edges of a circle
 
 

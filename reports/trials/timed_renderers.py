@@ -6,22 +6,18 @@ loaded when it is made, and it has rendered once, so that nothing compiles when 
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-import renderer
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
-from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.reference.errors import MitsubaError, MitsubaTimeout
 from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
@@ -29,7 +25,7 @@ from renderer.errors import SceneError
 from renderer.process.names import SAMPLERS
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
-from reports.trials.contenders import OURS, Render, compare_means, remembered
+from reports.trials.contenders import OURS, Shot, compare_means, mean_of, of_ours
 from reports.trials.plain_scenes import write_plain_scene
 
 VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
@@ -65,8 +61,6 @@ ANEW = "it goes through all instances anew for each picture"
 
 CHECK_SEEDS, CHECK_SPP = range(12), 4
 
-Picture = NDArray[np.float64]  # (height, width, 3)
-Shot = tuple[float, Picture]
 Contender = Callable[[int, int], Shot]
 Show = Callable[[str], None]
 
@@ -81,17 +75,6 @@ class Settings:
     threads: int = 2  # workers of each renderer
     side: int = 320  # [pixels] of the longer side of a picture
     samplers: Sequence[str] = SAMPLERS  # ours
-
-
-def of_ours(scene: Scene, threads: int, **ways: Any) -> Contender:
-    """Return our renderer with further arguments of `renderer.render`."""
-
-    def render(seed: int, spp: int) -> Shot:
-        begin = time.perf_counter()
-        picture = np.asarray(whole(renderer.render(scene, spp, seed, threads, **ways)))
-        return time.perf_counter() - begin, picture[..., :3].astype(np.float64)
-
-    return render
 
 
 def of_mitsuba(peer: TimedMitsuba, folder: Path, sampler: str | None) -> Contender:
@@ -215,20 +198,11 @@ def means_apart(contenders: Mapping[str, Contender], judge: str) -> dict[str, st
     A right contender is among them with the probability `contenders.ALPHA`. The seeds are
     fixed, so the result repeats.
     """
-    judged = remembered(_mean_of(contenders[judge]))  # used for each of the others
+    judged = functools.cache(mean_of(contenders[judge]))  # used for each of the others
     found = {}
     for name, contender in contenders.items():
         if name != judge:
-            means = compare_means(_mean_of(contender), judged, CHECK_SEEDS, CHECK_SPP)
+            means = compare_means(mean_of(contender), judged, CHECK_SEEDS, CHECK_SPP)
             if not means.passed:
                 found[name] = means.sentence(name, judge)
     return found
-
-
-def _mean_of(contender: Contender) -> Callable[[int, int], Render]:
-    def render(seed: int, spp: int) -> Render:
-        seconds, picture = contender(seed, spp)
-        red, green, blue = (float(value) for value in picture.mean(axis=(0, 1)))
-        return Render(seconds, (red, green, blue))
-
-    return render

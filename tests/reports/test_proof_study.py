@@ -14,6 +14,7 @@ from mitsuba_ref.false_alarms.alarm_counts import WHOLE, FalseAlarms, RungAlarms
 from mitsuba_ref.false_alarms.binomial import rate
 from mitsuba_ref.mutations.matrix import Row as MatrixRow
 from mitsuba_ref.mutations.rungs import Rung
+from mitsuba_ref.records.request import FEWEST_SEEDS
 from reports.bench.rows import Run, Table
 from reports.bench.store import MEASURED, Store
 from reports.bench.study import Bench
@@ -44,6 +45,10 @@ def test_the_page_begins_with_numbers_that_can_be_used(tmp_path):
     assert '<p class="big">5\u00a0%</p>' in top and "of 8\u00a0% on the hardest" in top
     for cell in ("1 <span", "0 <span", "3 hold", "1 hold", "2.5e-7"):
         assert cell in shown
+
+
+def test_the_help_says_how_many_seeds_are_the_fewest():
+    assert f"{FEWEST_SEEDS} or more" in proof.STUDY.options["seeds"]
 
 
 def test_what_failed_is_first_and_named(tmp_path):
@@ -142,9 +147,9 @@ def test_the_table_groups_rungs_and_puts_faults_first():
 def test_alarms_beyond_the_claim_are_a_fault():
     """50 alarms in 100 where 1 % is claimed; 1 in 100 is within it."""
     for count, faults in ((1, 0), (50, 1)):
-        whole = RungAlarms(WHOLE, rate(count, 100), 0.01, None, None, "")
-        one = RungAlarms("mean", rate(0, 100), 0.001, rate(5, 100), 0.02, "relative bias")
-        made = FalseAlarms("box", "ours against Mitsuba", 32, 32, 16, 8, (one, whole))
+        whole = RungAlarms(WHOLE, rate(count, 100), 0.01, None, None)
+        one = RungAlarms("mean", rate(0, 100), 0.001, rate(5, 100), 0.02)
+        made = FalseAlarms("ours against Mitsuba", (one, whole))
         table = Table(tuple(false_alarms.rows_of("box", made)))
         assert len(table.faults) == faults
         assert f"{count} of 100 comparisons" in false_alarms.verdict(table)

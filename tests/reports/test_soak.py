@@ -138,6 +138,10 @@ def test_rays_are_spread_as_they_should_be() -> None:
         assert abs(np.mean(nearest < 10.0**exponent) - (exponent + 8) / 6) < 0.1
 
 
+def test_the_page_says_how_many_structures_there_are() -> None:
+    assert f"each of {len(rays.STRUCTURES)} structures" in soak.STUDY.about["rays"]
+
+
 # ------------------------------------------------------------- leaks that are put in
 
 

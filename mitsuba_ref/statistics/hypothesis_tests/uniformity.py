@@ -56,7 +56,6 @@ class Uniformity:
     p_value: float  # rank among relabelled pictures
     textbook_p: float  # for exactly uniform p-values, and wrong for heavy tails
     pixels: int  # informative ones
-    unlike_noise: float  # see `UNLIKE_NOISE`
     cumulative: Floats  # (BINS + 1,) share of p-values up to i / BINS
     expected: Floats  # the same, mean over relabelled pictures
 
@@ -84,9 +83,8 @@ def uniformity_test(
     values = informative(np.concatenate([ours, theirs]).mean(axis=-1))
     pixels = values.shape[1]
     steps = np.arange(BINS + 1) / BINS
-    unlike = unlike_noise(values, count) if pixels else 0.0
-    if pixels < FEWEST_PIXELS or unlike > UNLIKE_NOISE:
-        return Uniformity(0.0, np.inf, 1.0, 1.0, pixels, unlike, steps, steps)
+    if pixels < FEWEST_PIXELS or unlike_noise(values, count) > UNLIKE_NOISE:
+        return Uniformity(0.0, np.inf, 1.0, 1.0, pixels, steps, steps)
     dealt = deals(count, other, most_deals)
     cumulative = _cumulative(values, dealt)
     expected = cumulative.mean(axis=0)
@@ -98,7 +96,6 @@ def uniformity_test(
         p_value=rank_p(distances),
         textbook_p=float(stats.kstwo.sf(textbook, pixels)),
         pixels=pixels,
-        unlike_noise=unlike,
         cumulative=cumulative[0],
         expected=expected,
     )

@@ -113,16 +113,12 @@ def _halved(
     return holds, fails
 
 
-def _cases() -> list[str]:
-    return list(every_case())
-
-
 STUDY = Study(
     title="Where methods fail",
     sentence="Under which stress does each method give way, why, and what to do instead?",
     minutes=8,
     quick_minutes=4,
-    cases=_cases,
+    cases=tuple(every_case()),
     quick_cases=[name for name, case in every_case().items() if not case.slow],
     axis="strength of the stress",
     headlines=("faults",),

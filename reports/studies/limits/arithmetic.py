@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import renderer
 from mitsuba_ref.expected_failures.rounding import single_precision_sum
 from renderer.plugins.lights.sky_model import half_cosine
-from reports.studies.limits.one_point import estimates, scene_at
+from reports.studies.limits.one_point import estimates, load_scene, scene_at
 from reports.studies.limits.probes import (
     Floats,
     Shown,
@@ -97,19 +97,10 @@ def _uneven(entries: float) -> float:
 
 # -------------------------------------------------------------------------- small angles
 
-_LAMP = """<scene version="3.0.0">
-<integrator type="direct"/>
-<sensor type="perspective"><float name="fov" value="0.01"/>
-    <transform name="to_world">
-        <lookat origin="3,0,3" target="0,0,0" up="0,1,0"/></transform>
-    <film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/>
-        <string name="component_format" value="float32"/><rfilter type="box"/></film>
-    <sampler type="independent"><integer name="sample_count" value="16"/></sampler></sensor>
-<shape type="rectangle"><bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf>
-    </shape>
+_LAMP = """<shape type="rectangle"><bsdf type="diffuse">
+    <rgb name="reflectance" value="1"/></bsdf></shape>
 <shape type="sphere"><point name="center" x="0" y="0" z="{distance}"/>
-    <emitter type="area"><rgb name="radiance" value="{radiance}"/></emitter></shape>
-</scene>"""
+    <emitter type="area"><rgb name="radiance" value="{radiance}"/></emitter></shape>"""
 
 
 def _naive_cone(distance: float) -> float:
@@ -123,8 +114,10 @@ def _naive_cone(distance: float) -> float:
 
 def _lamp(distance: float) -> float:
     """Return the error of the light that a floor gets from a sphere right above it."""
-    text = _LAMP.format(distance=distance, radiance=distance**2)
-    pixel = float(renderer.render(renderer.load_string(text)).pixels.mean())
+    body = _LAMP.format(distance=distance, radiance=distance**2)
+    lookat = 'origin="3,0,3" target="0,0,0" up="0,1,0"'
+    scene = load_scene(body, lookat, '<integrator type="direct"/>', size=1, fov=0.01)
+    pixel = float(renderer.render(scene, spp=16).pixels.mean())
     return abs(pixel - 1.0)  # L (r / d)^2
 
 

@@ -13,6 +13,7 @@ import renderer
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.reference.variant import load_mitsuba
 from reports.studies.limits.lamps import light_below_lamp
+from reports.studies.limits.one_point import load_scene
 from reports.studies.limits.probes import Shown, on_screen
 
 # ------------------------------------------------------------------------ two surfaces
@@ -107,15 +108,9 @@ SIZE = 64
 DRAWS = 2  # pairs of noises that are averaged ...
 DRAWS_OF_MEANS = 64  # ... where a metric is one small number that may be 0 by chance
 
-_SCENE = f"""<scene version="3.0.0">
-<integrator type="direct"/>
-<sensor type="perspective"><float name="fov" value="40"/>
-    <transform name="to_world"><lookat origin="4,-4,3" target="0,0,0.4" up="0,0,1"/>
-    </transform>
-    <film type="hdrfilm"><integer name="width" value="{SIZE}"/>
-        <integer name="height" value="{SIZE}"/><rfilter type="box"/></film>
-    <sampler type="stratified"><integer name="sample_count" value="64"/></sampler></sensor>
-<shape type="rectangle"><transform name="to_world"><scale value="3"/></transform>
+_STRATIFIED = """<sampler type="stratified">
+    <integer name="sample_count" value="64"/></sampler>"""
+_BODY = """<shape type="rectangle"><transform name="to_world"><scale value="3"/></transform>
     <bsdf type="diffuse"><texture type="checkerboard" name="reflectance">
         <transform name="to_uv"><scale value="5"/></transform></texture></bsdf></shape>
 <shape type="sphere"><point name="center" value="0.5,0,1"/>
@@ -123,14 +118,16 @@ _SCENE = f"""<scene version="3.0.0">
 <emitter type="directional"><vector name="direction" value="-1,0.2,-2"/>
     <rgb name="irradiance" value="3"/></emitter>
 <emitter type="point"><point name="position" value="-2,-3,2"/>
-    <rgb name="intensity" value="3"/></emitter>
-</scene>"""
+    <rgb name="intensity" value="3"/></emitter>"""
 
 
 @functools.cache
 def right_picture() -> Picture:
     """Return the picture without noise, (64, 64, 3)."""
-    return renderer.render(renderer.load_string(_SCENE)).pixels.astype(np.float64)
+    lookat = 'origin="4,-4,3" target="0,0,0.4" up="0,0,1"'
+    loop = '<integrator type="direct"/>'
+    scene = load_scene(_BODY, lookat, loop, size=SIZE, fov=40.0, sampler=_STRATIFIED)
+    return renderer.render(scene).pixels.astype(np.float64)
 
 
 def noisy(picture: Picture, amount: float, random: np.random.Generator) -> Picture:

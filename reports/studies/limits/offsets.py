@@ -15,23 +15,12 @@ from mitsuba_ref.expected_failures.offsets import (
     lamp_seen,
     render_with_offset,
 )
+from reports.studies.limits.one_point import MIDDLES, load_scene
 from reports.studies.limits.probes import Shown, on_screen
 
 Rule = tuple[float, float]
 MIDDLE = np.array([2.0, -1.0, 2.0])  # of the square, in half widths
 
-_SCENE = """<scene version="3.0.0">
-<integrator type="{integrator}"/>
-<sensor type="perspective"><float name="fov" value="30"/>
-    <float name="far_clip" value="1e9"/>
-    <transform name="to_world">
-        <lookat origin="{eye}" target="{target}" up="{up}"/></transform>
-    <film type="hdrfilm"><integer name="width" value="{side}"/>
-        <integer name="height" value="{side}"/><rfilter type="box"/></film>
-    <sampler type="stratified"><integer name="sample_count" value="1"/>
-        <boolean name="jitter" value="false"/></sampler></sensor>
-{body}
-</scene>"""
 _SQUARE = """<shape type="rectangle"><transform name="to_world"><scale value="{size}"/>
     <rotate x="1" angle="50"/><translate value="{middle}"/></transform>
     <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>
@@ -48,15 +37,14 @@ def _square(rule: Rule, size: float, side: int = 32) -> NDArray[np.float32]:
     middle = MIDDLE * size
     eye = middle + np.array([0.2, -0.8, 0.6]) * size
     place, seen_from = (",".join(f"{x:.9g}" for x in point) for point in (middle, eye))
-    text = _SCENE.format(
-        integrator="direct",
-        eye=seen_from,
-        target=place,
-        up="0,0,1",
-        side=side,
-        body=_SQUARE.format(size=size, middle=place),
-    )
-    return render_with_offset(renderer.load_string(text), rule)
+    body = _SQUARE.format(size=size, middle=place)
+    lookat = f'origin="{seen_from}" target="{place}" up="0,0,1"'
+    return render_with_offset(_scene(body, lookat, "direct", side), rule)
+
+
+def _scene(body: str, lookat: str, integrator: str, side: int) -> renderer.Scene:
+    loop = f'<integrator type="{integrator}"/>'
+    return load_scene(body, lookat, loop, size=side, fov=30.0, sampler=MIDDLES)
 
 
 def _fixed(size: float) -> Rule:
@@ -101,10 +89,8 @@ def missing_pane() -> Shown:
     # at a distance of 1 the picture of 30 degrees is half as wide as `edge`
     edge, gap = np.tan(np.radians(15.0)), 0.0015
     body = _WEDGE.format(angle=float(np.degrees(np.arctan(gap / edge))), gap=gap)
-    text = _SCENE.format(
-        integrator="whitted", eye="0,0,-1", target="0,0,0", up="0,1,0", side=96, body=body
-    )
-    scene = renderer.load_string(text)
+    lookat = 'origin="0,0,-1" target="0,0,0" up="0,1,0"'
+    scene = _scene(body, lookat, "whitted", 96)
     shown = [render_with_offset(scene, rule) for rule in (TIGHT, FIXED, MITSUBA)]
     return on_screen(shown, exposure=0.15)
 

@@ -21,12 +21,38 @@ SIZE = 32  # [pixels] each way
 _SCENE = """<scene version="3.0.0">
 {integrator}
 <sensor type="perspective"><float name="fov" value="{fov}"/>
+    <float name="far_clip" value="1e9"/>
     <transform name="to_world"><lookat {lookat}/></transform>
     <film type="hdrfilm"><integer name="width" value="{size}"/>
         <integer name="height" value="{size}"/><rfilter type="box"/></film>
-    <sampler type="independent"/></sensor>
+    {sampler}</sensor>
 {body}
 </scene>"""
+INDEPENDENT = '<sampler type="independent"/>'
+MIDDLES = """<sampler type="stratified"><integer name="sample_count" value="1"/>
+    <boolean name="jitter" value="false"/></sampler>"""  # of the pixels
+
+
+def load_scene(
+    body: str,
+    lookat: str,
+    integrator: str,
+    *,
+    size: int = SIZE,
+    fov: float = 0.001,
+    sampler: str = INDEPENDENT,
+) -> renderer.Scene:
+    """Load what is in `body`; `integrator` and `sampler` are elements."""
+    return renderer.load_string(
+        _SCENE.format(
+            body=body,
+            lookat=lookat,
+            integrator=integrator,
+            size=size,
+            fov=fov,
+            sampler=sampler,
+        )
+    )
 
 
 def scene_at(
@@ -43,8 +69,7 @@ def scene_at(
     limits = f'<integer name="max_depth" value="{depth}"/>'
     limits += f'<integer name="rr_depth" value="{roulette}"/>'
     loop = f'<integrator type="{integrator}">{limits}</integrator>'
-    text = _SCENE.format(integrator=loop, lookat=lookat, body=body, size=size, fov=fov)
-    return renderer.load_string(text)
+    return load_scene(body, lookat, loop, size=size, fov=fov)
 
 
 def estimates(

@@ -14,7 +14,7 @@ from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
 from renderer.rendering.render_options import RenderOptions
-from reports.studies.limits.one_point import estimates, scene_at
+from reports.studies.limits.one_point import MIDDLES, estimates, load_scene, scene_at
 from reports.studies.limits.probes import Shown, on_screen
 
 # ----------------------------------------------------------------- fixed depth and roulette
@@ -37,17 +37,6 @@ def furnace_error(bounces: float, *, depth: int, roulette: int) -> float:
 
 # ------------------------------------------------------------------------- trees of rays
 
-_TREE = """<scene version="3.0.0">
-<integrator type="whitted"><float name="cutoff" value="{cutoff}"/></integrator>
-<sensor type="perspective"><float name="fov" value="0.001"/>
-    <transform name="to_world">
-        <lookat origin="0,0,0" target="0,0,1" up="0,1,0"/></transform>
-    <film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/>
-        <rfilter type="box"/></film>
-    <sampler type="stratified"><integer name="sample_count" value="1"/>
-        <boolean name="jitter" value="false"/></sampler></sensor>
-{body}
-</scene>"""
 _SURFACE = """<shape type="rectangle"><transform name="to_world"><scale value="99"/>
     <rotate x="1" angle="{angle}"/><translate z="{z}"/></transform>{inside}</shape>"""
 _LAMP = """<bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
@@ -58,7 +47,11 @@ _GLASS = """<bsdf type="dielectric"><float name="int_ior" value="1.5"/>
 
 def _seen(body: str, depth: int, cutoff: float = 1e-6) -> float:
     """Return the one pixel of a scene, with trees of so many segments."""
-    scene = renderer.load_string(_TREE.format(body=body, cutoff=cutoff))
+    loop = (
+        f'<integrator type="whitted"><float name="cutoff" value="{cutoff}"/></integrator>'
+    )
+    lookat = 'origin="0,0,0" target="0,0,1" up="0,1,0"'
+    scene = load_scene(body, lookat, loop, size=1, sampler=MIDDLES)
     plan = dataclasses.replace(make_plan(scene), max_depth=depth)
     job = RenderJob(scene, plan, RenderOptions(accel="brute", threads=1))
     film = job.make_film()

@@ -82,7 +82,7 @@ def soup_mesh(corners: NDArray[Any], view: View = NO_VIEW) -> StudyMesh:
     """Return triangles (n, 3 corners, 3), each with corners of its own."""
     vertices = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
     faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    return StudyMesh("soup", "", "", vertices, faces, view)
+    return StudyMesh("soup", vertices, faces, view)
 
 
 def counted(

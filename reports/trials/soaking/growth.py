@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.statistics.hypothesis_tests.relabelling import rank_p
@@ -40,7 +39,6 @@ class Trend(NamedTuple):
 
     p: float  # of Kendall's S
     growth: float  # [bytes] from the first to the last fifth of the blocks
-    medians: NDArray[np.float64]  # [bytes] of the blocks
 
     @property
     def grows(self) -> bool:
@@ -62,7 +60,7 @@ def trend(sizes: Sequence[float]) -> Trend | None:
     s = np.sign(orders[:, second] - orders[:, first]).sum(axis=1)
     few = BLOCKS // 5
     growth = medians[-few:].mean() - medians[:few].mean()
-    return Trend(rank_p(s), float(growth), medians)
+    return Trend(rank_p(s), float(growth))
 
 
 def growth_steps(left: int, deadline: float, scenes: int = 0) -> Generator[Step]:

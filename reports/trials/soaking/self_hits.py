@@ -29,6 +29,7 @@ from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.render_mode import RenderMode
 from reports.bench.steps import Step
 from reports.trials.meshes import displaced_icosphere
+from reports.trials.rays import directions
 
 PLACES = ((0.0, 1.0), (1e3, 1.0), (0.0, 1e-3), (1e4, 1e3))  # (along each axis, size)
 SHAPES = (
@@ -84,11 +85,11 @@ def _tried(shape: str, offset: float, size: float, turn: int, rays: int) -> tupl
     rng = np.random.default_rng([16, turn])
     inputs = _inputs(shape, offset, size)
     center = np.full(3, offset)
-    start = center + 4.0 * size * _directions(rng, rays)
-    inner = size * 0.8 * np.cbrt(rng.random((rays, 1))) * _directions(rng, rays)
+    start = center + 4.0 * size * directions(rays, rng)
+    inner = size * 0.8 * np.cbrt(rng.random((rays, 1))) * directions(rays, rng)
     going = center + inner - start
     going /= np.linalg.norm(going, axis=1, keepdims=True)
-    outgoing = _directions(rng, rays)
+    outgoing = directions(rays, rng)
     trial = _Trial(inputs)
     left = near = 0
     for first in range(0, rays, CAPACITY):
@@ -202,8 +203,3 @@ def _obj(points: Any, faces: Any) -> str:
     lines = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
     lines += ["f {} {} {}".format(*face) for face in faces + 1]
     return "\n".join(lines) + "\n"
-
-
-def _directions(rng: np.random.Generator, n: int) -> Floats:
-    vectors = rng.standard_normal((n, 3))
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

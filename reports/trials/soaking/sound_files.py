@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import re
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from reports.errors import ReportError
+from reports.trials.large_meshes import ply_bytes
 
 ROOT = Path(__file__).resolve().parents[3]
 PLUGINS, SCENES = ROOT / "tests" / "plugins", ROOT / "scenes"
@@ -117,11 +119,6 @@ def _made(name: str, content: bytes, use: str, reference: str = "") -> SoundFile
 
 def _binary_ply() -> bytes:
     """Return a triangle with normals and texture coordinates."""
-    header = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
-    header += b"".join(b"property float %c\n" % c for c in b"xyz")
-    header += b"".join(b"property float n%c\n" % c for c in b"xyz")
-    header += b"property float u\nproperty float v\nelement face 1\n"
-    header += b"property list uchar int vertex_indices\nend_header\n"
     rows = [(-1, -1, 0, 0, 0, 1, 0, 0), (1, -1, 0, 0, 0, 1, 1, 0), (0, 1, 0, 0, 0, 1, 0, 1)]
-    body = b"".join(struct.pack("<8f", *row) for row in rows)
-    return header + body + struct.pack("<B3i", 3, 0, 1, 2)
+    properties = ("x", "y", "z", "nx", "ny", "nz", "u", "v")
+    return ply_bytes(np.array(rows), np.array([(0, 1, 2)]), properties)

@@ -9,12 +9,13 @@ import pytest
 
 from mitsuba_ref.generate.__main__ import seed_of
 from mitsuba_ref.generate.changed_scenes import AXES, changed_scenes
-from mitsuba_ref.generate.coverage import Coverage, has, plugins_of
+from mitsuba_ref.generate.coverage import Coverage, plugins_of
 from mitsuba_ref.generate.defects import may_reach
 from mitsuba_ref.generate.drawing import scene_text
 from mitsuba_ref.generate.judge import AGREE, REFUSED, UNCLASSED, UNKNOWN, Judge, Judgement
 from mitsuba_ref.generate.record import ENDED, Record, summary
 from mitsuba_ref.generate.scene import BLOCK, Scenes
+from mitsuba_ref.generate.scene_edits import plugins
 from mitsuba_ref.mutations.defects.catalogue import named
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.reference.picture_process import MitsubaWorker
@@ -76,12 +77,10 @@ def test_pairs_are_counted():
     assert coverage.share("film hdrfilm.width") == pytest.approx(0.5)
 
 
-def test_a_property_of_a_scene_is_found():
+def test_a_plugin_of_a_scene_is_found():
     root = Scenes(1).draw(0).root
-    assert has(root, "sensor", "thinlens")
-    assert has(root, "sensor", "thinlens", "fov_axis", "x")
-    assert not has(root, "sensor", "thinlens", "fov_axis", "y")
-    assert not has(root, "sensor", "perspective")
+    assert len(plugins(root, "sensor", "perspective", "thinlens")) == 1
+    assert plugins(root, "sensor", "perspective") == []
 
 
 def test_a_seed_of_the_week_is_a_number():
@@ -158,6 +157,6 @@ def test_scenes_that_cannot_run_a_defect_are_passed_over():
     """Those without the plugin whose file it edits; other files may be run by any scene."""
     acne, disk = named(["fixed-epsilon", "disk-is-a-square"])
     scenes = [Scenes(SEED).draw(number).root for number in range(12)]
-    assert all(may_reach(disk, root) == has(root, "shape", "disk") for root in scenes)
-    assert {has(root, "shape", "disk") for root in scenes} == {True, False}
+    assert all(may_reach(disk, r) == bool(plugins(r, "shape", "disk")) for r in scenes)
+    assert {bool(plugins(root, "shape", "disk")) for root in scenes} == {True, False}
     assert all(may_reach(acne, root) for root in scenes)

@@ -23,7 +23,7 @@ from mitsuba_ref.expected_failures.reference import (
 )
 from mitsuba_ref.expected_failures.rounding import far_spheres_wrong, small_triangles_lost
 from mitsuba_ref.expected_failures.volpathmis import (
-    blue_through_coloured_mist,
+    blue_in_coloured_mist,
     floor_behind_a_tinted_pane,
     floor_in_a_clear_lamp,
     red_floor_by_one_density,
@@ -67,7 +67,7 @@ RIGHT = {
         red_floor_by_one_density, green=0.5
     ),
     "Mitsuba's coloured mist without spectral extinction": functools.partial(
-        blue_through_coloured_mist, spectral=True
+        blue_in_coloured_mist, spectral=True
     ),
     "teapot in a stadium": functools.partial(stadium_tests_per_ray, "bvh"),
 }

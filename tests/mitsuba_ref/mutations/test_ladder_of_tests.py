@@ -234,7 +234,7 @@ def test_alarms_are_counted():
     assert by_name["mean"].alarms.count == 1
     assert by_name[WHOLE].alarms.count == 1
     assert by_name[WHOLE].claimed == pytest.approx(7e-3)
-    measured = FalseAlarms("scene", "twice", 16, 16, 1, 8, found)
+    measured = FalseAlarms("twice", found)
     assert not exceeds(measured)
     often = replace(found[-1], alarms=rate(20, 200))
     assert exceeds(replace(measured, rungs=(*found[:-1], often)))

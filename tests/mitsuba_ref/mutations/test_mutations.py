@@ -370,11 +370,9 @@ def row(harmful: bool, *names: str, broken: tuple[str, ...] = ()) -> Row:
     return Row("made-up", "for a test", harmful, "none", rungs, 0.0, broken=broken)
 
 
-def test_a_row_says_who_saw_it_first_and_who_is_blind():
+def test_a_row_says_who_saw_it_first():
     seen = row(True, STATISTICS, REPLAY)
     assert (seen.caught_by, seen.as_expected) == (REPLAY, True)
-    assert seen.blind[:2] == (FINITE, AOVS)
-    assert RUNS not in seen.blind
 
 
 def test_a_hole_and_a_false_alarm_are_not_as_expected():

@@ -21,9 +21,9 @@ from renderer.errors import ClusterError
 from renderer.rendering import render as road
 from renderer.rendering.job import RenderJob
 from renderer.rendering.progress_display import Progress
+from reports.trials.contenders import of_ours
 from reports.trials.noiseless import has_noise
 from reports.trials.simpler_scenes import Trial
-from reports.trials.timed_renderers import of_ours
 
 SCENES = Path(__file__).parents[3] / "scenes"
 CORNELL = SCENES / "cornell-box" / "scene.xml"
