@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.advice.closed_shapes import encloses, is_closed
+from renderer.plugins.bsdfs.polarizer import FILTERS
 from renderer.plugins.shapes.extents import primitive_bounds
 from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.plan import Plan
@@ -228,9 +229,9 @@ def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[str]:
         around += [name for name in inside if name not in around]
     if lamps:
         yield (
-            f"point lights that glass, `null` or `mask` is closed around: {lamps} (in "
-            f"{listed(around)}); what lies beyond gets nothing of them directly: shadow "
-            "rays end there, and no path meets a point by chance"
+            "point lights that glass, `null`, `mask` or a polarizer is closed around: "
+            f"{lamps} (in {listed(around)}); what lies beyond gets nothing of them "
+            "directly: shadow rays end there, and no path meets a point by chance"
         )
 
 
@@ -238,7 +239,8 @@ def _stops(bsdf: Any) -> bool:
     """Return whether light passes a BSDF where shadow rays are blocked."""
     if isinstance(bsdf, Mask):
         return mean_of(bsdf.opacity) < 1.0 or _stops(bsdf.nested)
-    return isinstance(bsdf, Dielectric | ThinDielectric | Null)
+    straight = isinstance(bsdf, ThinDielectric | Null) or bsdf.plugin in FILTERS
+    return straight or isinstance(bsdf, Dielectric)
 
 
 def _is_glass(bsdf: Any) -> bool:

@@ -62,11 +62,15 @@ def media_tables(description: SceneDescription | None) -> Media:
     phases = [list(_leaves(medium.phase, 1.0)) for medium in found]
     flat = [leaf for leaves in phases for leaf in leaves]
     volumes = [volume for m in found for volume in (m.sigma_t, m.albedo)]
-    volumes += [weight for leaf in flat for weight, _ in leaf.weights]
     grids = list({id(v): v for v in volumes if isinstance(v, GridVolume)}.values())
     place = {id(grid): k for k, grid in enumerate(grids)}
+    weight_grids = {id(grid): grid for leaf in flat for grid, _ in leaf.weights}
+    place_of_weight = {key: len(grids) + k for k, key in enumerate(weight_grids)}
+    grids += map(_one_channel, weight_grids.values())
     tables = [_table(leaf.phase) for leaf in flat]
-    weights = [(place[id(grid)], of) for leaf in flat for grid, of in leaf.weights]
+    weights = [
+        (place_of_weight[id(grid)], of) for leaf in flat for grid, of in leaf.weights
+    ]
     bounds = [cell_bounds(medium) for medium in found]
     sizes = [size for size, _ in bounds] or [np.ones(3, np.int64)]
     return Media(
@@ -150,7 +154,6 @@ def _leaves(
     if isinstance(phase, BlendedPhase):
         weight = phase.weight
         if isinstance(weight, GridVolume):
-            weight = _one_channel(weight)
             yield from _leaves(phase.first, share, (*weights, (weight, 0)))
             yield from _leaves(phase.second, share, (*weights, (weight, 1)))
         else:

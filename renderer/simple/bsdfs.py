@@ -232,14 +232,6 @@ class ThinDielectric(Dielectric):
         return found
 
 
-class Null(Bsdf):
-    """A surface without effect on light."""
-
-    def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return the undeflected direction."""
-        return [BsdfSample(-wo, WHITE, 1.0, lobe=Lobe.STRAIGHT)]
-
-
 class Filter(Bsdf):
     """A polarizer or a wave plate without polarization: light goes straight on, tinted."""
 
@@ -247,12 +239,19 @@ class Filter(Bsdf):
         self.passes = bsdf.share * color(bsdf.transmittance, hit)
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return the direction straight on."""
+        """Return the undeflected direction."""
         return [BsdfSample(-wo, self.passes, 1.0, lobe=Lobe.STRAIGHT)]
 
     def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
         """Return the undeflected direction."""
         return self.branches(wo)[0]
+
+
+class Null(Filter):
+    """A surface without effect on light."""
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.passes = WHITE
 
 
 class Coated(Bsdf):

@@ -326,7 +326,7 @@ class RoughPlastic(Coated):
 
 
 class PPlastic(RoughPlastic):
-    """Mitsuba's `pplastic`: light passes the coat as if it were smooth, and only once."""
+    """Mitsuba's `pplastic`: a coat of smooth transmittance, without interreflection."""
 
     oriented = True
 

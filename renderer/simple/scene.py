@@ -36,6 +36,16 @@ INTEGRATORS = ("path", "direct", "whitted", "volpath")
 # depth of a ray tree without a limit in the file, and the maximum; as in the kernels
 USUAL_TREE, DEEPEST_TREE = 8, 256
 
+# `transmittance` of `volume_path` lets shadow rays through `null` alone
+BLOCKED_IN_MEDIA = (
+    "mask",
+    "thindielectric",
+    "blendbsdf",
+    "polarizer",
+    "circular",
+    "retarder",
+)
+
 
 class Scene:
     """The scene description, checked and converted for the integrators.
@@ -163,7 +173,7 @@ def _check_media(description: SceneDescription, refuse: Callable[..., None]) -> 
             refuse(f"phase {medium.phase.plugin!r}; possible are {possible}", where)
     for shape in shapes:
         for bsdf in _with_nested(shape.bsdf):
-            through = bsdf.plugin in ("mask", "thindielectric", "blendbsdf")
+            through = bsdf.plugin in BLOCKED_IN_MEDIA
             if through or (bsdf.plugin == "null" and bsdf is not shape.bsdf):
                 what = f"shadow rays through {bsdf.plugin!r}"
                 refuse(f"{what}; possible is 'null'", shape.location)

@@ -179,7 +179,8 @@ def _dots(table: Table, label: str) -> Markup | None:
 
 
 def _chart(study: Study, table: Table, label: str) -> Markup | None:
-    quantity, label = table.rows[0].quantity, label + " [s]" * (table.rows[0].unit == "s")
+    quantity = table.rows[0].quantity
+    label = f"{label} [s]" if table.rows[0].unit == "s" else label
     series = []
     for contender in table.distinct("contender"):
         points = tuple(

@@ -15,7 +15,12 @@ import numpy as np
 from renderer.plugins.bsdfs.registry import nested_names
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.media_tables import media_of
-from renderer.scene_file.description import Integrator, SceneDescription, ThinDielectric
+from renderer.scene_file.description import (
+    ConstantTexture,
+    Integrator,
+    SceneDescription,
+    ThinDielectric,
+)
 from renderer.scene_file.media_description import GridVolume
 
 
@@ -34,7 +39,11 @@ def _plays_roulette(description: SceneDescription, integrator: Integrator) -> bo
 def _has_tinted_panes(description: SceneDescription, integrator: Integrator) -> bool:
     shown = [b for shape in description.every_shape for b in _with_nested(shape.bsdf)]
     panes = [b.specular_transmittance for b in shown if isinstance(b, ThinDielectric)]
-    return any(np.shape(pane) != (3,) or np.min(pane) < 1.0 for pane in panes)
+    tints = [b.transmittance for b in shown if b.plugin == "retarder"]
+    panes += [tint.rgb if isinstance(tint, ConstantTexture) else tint for tint in tints]
+    return any(b.plugin in ("polarizer", "circular") for b in shown) or any(
+        np.shape(pane) != (3,) or np.min(pane) < 1.0 for pane in panes
+    )
 
 
 def _has_clear_lamps(description: SceneDescription, integrator: Integrator) -> bool:

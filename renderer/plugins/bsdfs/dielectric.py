@@ -31,7 +31,7 @@ def read(properties: Any) -> Description:
 
 
 # For a larger index squares overflow float32, and pictures are NaN, as in Mitsuba.
-_LARGEST_INDEX = 1e9
+LARGEST_INDEX = 1e9
 
 
 def read_glass(properties: Any) -> tuple[float, Texture, Texture]:
@@ -54,12 +54,12 @@ def read_relative_index(properties: Any, interior: str, *, rough: bool = False) 
     if rough and inside == outside:
         name = "int_ior" if properties.has("int_ior") else "ext_ior"
         properties.fail(name, f"{inside:g} on both sides", "two different indices")
-    if not 1.0 / _LARGEST_INDEX <= inside / outside <= _LARGEST_INDEX:
+    if not 1.0 / LARGEST_INDEX <= inside / outside <= LARGEST_INDEX:
         name = "int_ior" if properties.has("int_ior") else "ext_ior"
         properties.fail(
             name,
             f"{inside:g} inside of {outside:g}",
-            f"a quotient from {1.0 / _LARGEST_INDEX:g} to {_LARGEST_INDEX:g}",
+            f"a quotient from {1.0 / LARGEST_INDEX:g} to {LARGEST_INDEX:g}",
         )
     return inside / outside
 

@@ -23,7 +23,7 @@ class Filter(NamedTuple):
 
 
 class Circular(NamedTuple):
-    """The same, of the one plugin with an albedo: kernels are chosen by this class."""
+    """Parameters of `circular`: its kernels, by this class, have an albedo in addition."""
 
     share: Float
     transmittance: Color
@@ -54,17 +54,20 @@ def _filter(
     share: float,
     about: str,
     *,
-    angles: tuple[str, ...] = (),
-    flags: tuple[str, ...] = (),
+    ignored: dict[str, float | bool],
     albedo: Any = None,
 ) -> BsdfKind:
-    """Return the kind of one plugin; its angles and flags are for polarized light alone."""
+    """Return the kind of one plugin.
+
+    `ignored` has defaults of properties that only polarized light depends on.
+    """
 
     def read(properties: Any) -> OtherBsdf:
-        for angle in angles:
-            read_scalar_texture(properties, angle, 0.0)
-        for flag in flags:
-            properties.boolean(flag, False)
+        for unused, default in ignored.items():
+            if isinstance(default, bool):
+                properties.boolean(unused, default)
+            else:
+                read_scalar_texture(properties, unused, default)
         tint = read_texture(properties, "transmittance", 1.0)
         return OtherBsdf(name, {"share": share, "transmittance": tint})
 
@@ -86,16 +89,19 @@ POLARIZER = _filter(
     "polarizer",
     0.5,
     "a polarizer: half of the light goes straight on",
-    angles=("theta",),
-    flags=("polarizing",),
+    ignored={"theta": 0.0, "polarizing": True},
 )
 CIRCULAR = _filter(
     "circular",
     0.5,
     "a circular polarizer: half of the light goes straight on",
-    flags=("left_handed",),
+    ignored={"left_handed": False},
     albedo=_tint,
 )
 RETARDER = _filter(
-    "retarder", 1.0, "a wave plate: light goes straight on", angles=("theta", "delta")
+    "retarder",
+    1.0,
+    "a wave plate: light goes straight on",
+    ignored={"theta": 0.0, "delta": 90.0},
 )
+FILTERS = POLARIZER.name, CIRCULAR.name, RETARDER.name

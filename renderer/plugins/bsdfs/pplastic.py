@@ -1,7 +1,7 @@
 """Plastic of Mitsuba's `pplastic`, without polarization: a rough coat over a diffuse base.
 
-Light passes the coat as if it were smooth, once on its way in and once on its way out.
-What the coat throws back into the base is lost, unlike in `roughplastic`.
+The transmittance of the coat is that of a smooth interface. Interreflection between base
+and coat is ignored, unlike in `roughplastic`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.bsdfs.dielectric import read_relative_index
+from renderer.plugins.bsdfs.dielectric import LARGEST_INDEX, read_relative_index
 from renderer.plugins.bsdfs.fresnel import fresnel_dielectric
 from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float
 from renderer.plugins.bsdfs.microfacets import PI
@@ -20,6 +20,8 @@ from renderer.plugins.bsdfs.roughness import read_roughness
 from renderer.plugins.bsdfs.roughplastic import coated_sample, eval_coated, sample_coated
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.objects import read_scalar_texture
+
+_POLYPROPYLENE = 1.49 / 1.000277  # in air
 
 
 class PPlastic(NamedTuple):
@@ -41,7 +43,11 @@ def read(properties: Any) -> OtherBsdf:
     if properties.has("eta") and given:
         properties.fail(given[0], 'a value together with "eta"', "one of the two")
     if properties.has("eta"):
-        eta = read_scalar_texture(properties, "eta", 1.0)
+        eta = read_scalar_texture(properties, "eta", _POLYPROPYLENE)
+        if not isinstance(eta, float) or not 1.0 / LARGEST_INDEX <= eta <= LARGEST_INDEX:
+            found = f"{eta:g}" if isinstance(eta, float) else "a texture"
+            possible = f"a number from {1.0 / LARGEST_INDEX:g} to {LARGEST_INDEX:g}"
+            properties.fail("eta", found, possible)
     else:
         eta = read_relative_index(properties, "polypropylene", rough=True)
     values = {"eta": eta} | read_reflectances(properties)

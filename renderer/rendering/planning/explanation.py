@@ -289,7 +289,7 @@ def explain_samples(
         text += f" ({requested} requested; {needs})"
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
-    if name == "independent" and random and not replay:
+    if name == "independent" and random and count >= 16 and not replay:
         text += " (`--sampler sobol` takes half of the time to the same error, mostly)"
     if name == "sobol" and count.bit_count() > 1:
         bits = count.bit_length()

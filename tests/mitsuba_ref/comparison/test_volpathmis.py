@@ -49,6 +49,11 @@ CLEAR = """<shape type="sphere"><float name="radius" value="2"/><bsdf type="null
 TINTED = """
 <shape type="sphere"><float name="radius" value="2"/><bsdf type="thindielectric">
 <rgb name="specular_transmittance" value="0.3"/></bsdf></shape>"""
+TINTED_FILTERS = (
+    '<bsdf type="polarizer"/>',
+    '<bsdf type="circular"/>',
+    '<bsdf type="retarder"><float name="transmittance" value="0.3"/></bsdf>',
+)
 ONE_DENSITY = '<boolean name="use_spectral_mis" value="false"/>'
 OF_MEDIA = "without has_spectral_extinction"  # a fault of `volpath` too
 WRONG = {
@@ -124,6 +129,10 @@ def test_a_fault_is_named_where_it_may_be(words):
 
     assert named() == ""
     assert named(**WRONG[words]).startswith(words)
+    if words == "tinted panes":
+        assert not named(shapes='<shape type="disk"><bsdf type="retarder"/></shape>')
+        for bsdf in TINTED_FILTERS:
+            assert named(shapes=f'<shape type="disk">{bsdf}</shape>').startswith(words)
     if words != "without use_spectral_mis":  # volpath has no such property
         of_both = named(**WRONG[words], plugin="volpath")
         assert (of_both != "") == (words == OF_MEDIA)

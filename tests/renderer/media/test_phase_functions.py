@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,13 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
 from renderer.plugins.media.phase_functions import eval_phase, sample_phase
 from renderer.scene.media_tables import media_tables
+from renderer.scene_file.media_description import (
+    BlendedPhase,
+    ConstantVolume,
+    GridVolume,
+    IsotropicPhase,
+    Medium,
+)
 
 DRAWN = 1 << 16  # cosines
 PLACE = (0.3, 0.6, 0.8)  # in the unit cube, as are the grids
@@ -163,6 +171,18 @@ def test_a_weight_of_colours_is_their_luminance():
     weight = 0.9 * 0.212671 + 0.3 * 0.715160 + 0.5 * 0.072169
     expected = (1.0 - weight) * hg(0.6, c) + weight * hg(-0.4, c)
     np.testing.assert_allclose(pdf, expected, rtol=2e-5)
+
+
+def test_a_grid_that_many_blends_share_is_stored_once():
+    """Eight nested blends by one grid of colours: else it would be copied 255 times."""
+    weight = GridVolume(np.full((2, 2, 2, 3), 0.5, np.float32), np.eye(4))
+    phase = IsotropicPhase()
+    for _ in range(8):
+        phase = BlendedPhase(weight, phase, phase)
+    one = ConstantVolume((1.0, 1.0, 1.0))
+    camera = SimpleNamespace(medium=Medium("homogeneous", one, one, phase=phase))
+    tables = media_tables(SimpleNamespace(camera=camera, every_shape=()))
+    assert tables.weights.shape[1] == 8 * 256 and np.ptp(tables.weights[0]) == 0
 
 
 def test_mean_cosines_are_those_of_the_weights_at_their_places():

@@ -241,6 +241,7 @@ def test_far_coordinates(place, said):
         ('<shape type="rectangle">{glass}</shape>', False),
         ('<shape type="sphere"><bsdf type="diffuse"/></shape>', False),
         ('<shape type="sphere"><bsdf type="null"/></shape>', True),
+        ('<shape type="sphere"><bsdf type="retarder"/></shape>', True),
         (
             '<shape type="cube"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></shape>',
             True,
@@ -257,7 +258,7 @@ def test_lamp_in_glass(shape, said):
     assert found == ["point-light-behind-glass"] * said
 
 
-@pytest.mark.parametrize("bsdf", ["dielectric", "null", "thindielectric", "mask"])
+@pytest.mark.parametrize("bsdf", ["dielectric", "null", "polarizer", "mask"])
 def test_shadow_rays_of_volpath_end_at_glass_alone(bsdf):
     nested = '<bsdf type="diffuse"/>' if bsdf == "mask" else ""
     shape = f'<shape type="sphere"><bsdf type="{bsdf}">{nested}</bsdf></shape>'

@@ -131,6 +131,11 @@ ALPHA = '<float name="{}" value="0.2"/>'
             'property "int_ior": found 1.5 on both sides, expected two different indices',
         ),
         (
+            "pplastic",
+            props(eta=1.5, int_ior=1.5),
+            'property "int_ior": found a value together with "eta"',
+        ),
+        (
             "roughplastic",
             props(ext_ior="polypropylene"),
             'property "ext_ior": found 1.49 on both sides',
@@ -170,6 +175,20 @@ def test_an_index_of_nothing_is_refused_by_us_alone(plugin: str) -> None:
     """Mitsuba divides by it, and shows NaN."""
     content = props(int_ior=0.0)
     assert "an index of refraction above 0" in error_of(SHAPE.format(plugin, content))
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (props(eta=-1.5), "-1.5"),
+        (props(eta=0.0), "0"),
+        ('<texture type="checkerboard" name="eta"/>', "a texture"),
+    ],
+)
+def test_an_eta_that_gives_infinite_light_is_refused_by_us_alone(content, found) -> None:
+    """Of textures too: a texel may be anything."""
+    expected = f'property "eta": found {found}, expected a number from 1e-09 to 1e+09'
+    assert expected in error_of(SHAPE.format("pplastic", content))
 
 
 def test_rough_glass_cannot_be_inside_of_twosided() -> None:
