@@ -23,6 +23,7 @@ from mitsuba_ref.generate.scene_edits import (
     transform_of,
     unmirror,
 )
+from mitsuba_ref.generate.surface_grammar import FILTERS
 
 NOT_FINITE = "not finite"
 MITSUBA_NOT_FINITE = "not finite in Mitsuba"
@@ -31,7 +32,7 @@ MITSUBA_NOT_FINITE = "not finite in Mitsuba"
 CURVES = ("linearcurve", "bsplinecurve")
 CLEAR = (
     *("null", "mask", "dielectric", "thindielectric", "roughdielectric"),
-    "principledthin",
+    *("principledthin", *FILTERS),
 )
 
 SMALL = 0.05
@@ -307,7 +308,7 @@ def close_the_room(root: Element) -> None:
 
     Without one `path` drops what has met nothing but holes, which a trace does not follow.
     """
-    holes = plugins(root, "bsdf", "null", "mask", "thindielectric")
+    holes = plugins(root, "bsdf", "null", "mask", "thindielectric", *FILTERS)
     if holes and not plugins(root, "emitter", *ENVIRONMENTS):
         faint = SubElement(root, "emitter", type="constant")
         faint.append(plain("float", "radiance", 1e-4))

@@ -45,11 +45,11 @@ _INDICES: Properties = {
     "ext_ior": either(number(0.9, 1.04), choice("air", "vacuum", "helium")),
 }
 _GLASS: Properties = {"specular_reflectance": COLOR, "specular_transmittance": COLOR}
-_COAT: Properties = {
+_COLORS: Properties = {
     "diffuse_reflectance": COLOR_OF_MEAN,
     "specular_reflectance": texture(0.05, 1.0, mean=True),  # both black is 0/0 there
-    "nonlinear": flag,
 }
+_COAT: Properties = {**_COLORS, "nonlinear": flag}
 _SHEETS: Properties = {
     "base_color": COLOR,
     "roughness": SCALAR,
@@ -58,6 +58,7 @@ _SHEETS: Properties = {
     ),
 }
 _RATE = number(0.2, 2.0)
+_ANGLE = number(0.0, 180.0)
 
 
 def _measured(drawing: Drawing, name: str) -> list[Element]:
@@ -83,6 +84,11 @@ BSDFS: dict[str, Properties] = {
         **_ROUGHNESS,
         "alpha": either(number(0.02, 0.8), number(0.0, 0.001)),
     },
+    "pplastic": {
+        "eta": either(number(1.1, 2.2), all_of(**_INDICES)),
+        **_COLORS,
+        **_ROUGHNESS,
+    },
     "principled": {
         **_SHEETS,
         "metallic": SCALAR,
@@ -105,9 +111,16 @@ BSDFS: dict[str, Properties] = {
         "diffuse_transmittance_sampling_rate": _RATE,
     },
     "null": {},
+    "polarizer": {"transmittance": COLOR, "theta": _ANGLE, "polarizing": flag},
+    "circular": {"transmittance": COLOR, "left_handed": flag},
+    "retarder": {"transmittance": COLOR, "theta": _ANGLE, "delta": _ANGLE},
     "merl": {"filename!": _measured},
 }
-TRANSPARENT = ("dielectric", "thindielectric", "roughdielectric", "principledthin", "null")
+FILTERS = ("polarizer", "circular", "retarder")
+TRANSPARENT = (
+    *("dielectric", "thindielectric", "roughdielectric", "principledthin", "null"),
+    *FILTERS,
+)
 
 _TURN: Properties = {"flip_invalid_normals": flag, "use_shadowing_function": flag}
 WRAPPERS: dict[str, Properties] = {  # the map of the last two stands in `scene`
