@@ -228,5 +228,5 @@ PHASES: dict[str, Properties] = {
     "hg": {"g": number(-0.9, 0.9, 0.0)},
     "rayleigh": {},
     "tabphase": {"values!": choice("0.5, 1, 2", "1, 0, 1", "0.1, 0.1, 0.2, 3")},
-    "blendphase": {"weight!": number(0.1, 0.9)},
+    "blendphase": {"weight!": either(number(0.1, 0.9), _density(0.0, 1.2))},
 }
