@@ -131,7 +131,7 @@ def test_scenes_of_a_fixed_seed_agree(part, tmp_path):
     assert not unknown
     verdicts = Counter(j.verdict for j in found.values())
     assert verdicts[REFUSED] <= size // 8
-    # of 1,200 scenes 88 % show light; fewer than 60 % of 25 by chance: 3e-4
+    # of 1,200 scenes 88 % show light; fewer than 60 % of 25 by chance: 7e-5
     assert sum(j.brightness > 0.0 for j in found.values()) >= 0.6 * size
 
 
