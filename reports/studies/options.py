@@ -120,7 +120,7 @@ STUDY = Study(
     "integrator as in Mitsuba (without dim paths and the sky by place)?",
     advice="Above 1 an option is faster than the defaults: take it. `--explain` says what "
     "the defaults are in your scene, and `--case my_scene.xml` measures it.",
-    minutes=25,
+    minutes=11,
     quick_minutes=1,
     cases=lambda: [*ARCHITECTURE, *scene_names()],
     quick_cases=("emitters", "cornell-box"),
