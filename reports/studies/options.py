@@ -31,7 +31,7 @@ from reports.trials.architecture_scenes import ARCHITECTURE
 from reports.trials.scene_files import scene_names
 
 SIDE = 256  # pixels of the longer side
-LEAST = 1e-6  # relMSE by default, below which a scene is left out
+LEAST = 1e-6  # relMSE of a contender, below which a scene is left out
 SPEED = "speed to the same error, relative to the defaults"
 DEFAULT = "defaults"
 

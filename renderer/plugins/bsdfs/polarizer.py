@@ -45,7 +45,7 @@ def sample(filters, wo, numbers):
 
 @kernel
 def _tint(filters):
-    """Return the transmittance, which Mitsuba calls the albedo of `circular` alone."""
+    """Return the transmittance; of the three only `circular` has an albedo in Mitsuba."""
     return filters.transmittance
 
 

@@ -73,7 +73,7 @@ def sample(plastic, wo, numbers):
 
 @kernel
 def albedo(plastic, wo):
-    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(plastic, wo, vec3(none, none, none + 1.0))
     return PI * f_cos

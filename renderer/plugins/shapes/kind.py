@@ -98,7 +98,7 @@ class ShapeKind:
         maps.
     derivatives
         (table, its shapes) -> the record for `uv_derivatives`. None: made with
-        `uv_axes`; if that is None too, bump maps have no effect on such shapes.
+        `uv_axes`. If both are None, bump maps have no effect on such shapes.
     orientation
         shape -> -1 if its normal is opposite to the one that the kernels compute, else
         1.
