@@ -121,7 +121,7 @@ class Settings(NamedTuple):
 
     max_depth: int  # path segments; a large number for "no limit"
     roulette_depth: int  # first depth of Russian roulette; a large number for "never"
-    dim_depth: int  # the same for paths below `path.DIM`
+    dim_depth: int  # the same for dim paths (`integrators/path.py`)
     survival_scale: float  # survival probability = this factor times the throughput
     weigh: int  # flag: multiple importance sampling
     every_light: int  # flag: sample all lights at each point, instead of a random one

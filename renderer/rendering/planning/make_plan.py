@@ -10,6 +10,7 @@ import dataclasses
 
 from renderer.errors import SceneError
 from renderer.integrators.kind import Case
+from renderer.integrators.path import DIM_UNDER_SKY
 from renderer.integrators.registry import INTEGRATORS
 from renderer.mitsuba_version import NEWEST, followed_version
 from renderer.plugins.bsdfs.registry import reaches_all
@@ -200,6 +201,8 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
             and max(decision.light_samples, decision.bsdf_samples) == 1
             and all(map(reaches_all, scene.materials.bsdfs))
         )
+    if finds_sky and decision.dim_depth is not None:
+        decision = dataclasses.replace(decision, survival_scale=1.0 / DIM_UNDER_SKY)
     weighed = has_extended_lights(scene.description, but_even_sky=finds_sky)
     if finds_sky and not weighed and len(scene.description.emitters) == 1:
         strategy = "bsdfs"

@@ -88,6 +88,13 @@ def test_dim_paths_may_end_before_roulette_begins():
     hole = rectangle((0, 0, 2), (0.3, 0, 0), (0, 0.3, 0), {"type": "null"})
     assert plan_of("path", floor(), LAMP, hole).dim_depth is None
     assert plan_of("path", floor(), LAMP, max_depth=5).dim_depth is None
+    # the next segment may bring most of the light, if no light sample brings it
+    sky = {"type": "constant"}
+    assert plan_of("path", floor(), LAMP, sky).survival_scale == 8.0
+    chosen_by_file = make_plan(
+        renderer.load_dict(scene(CAMERA, "path", floor(), LAMP, sky)), light_choice="uniform"
+    )
+    assert chosen_by_file.survival_scale == 4.0
 
 
 @pytest.mark.parametrize("max_depth", [2, 4])
