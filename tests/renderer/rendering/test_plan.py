@@ -92,7 +92,8 @@ def test_dim_paths_may_end_before_roulette_begins():
     sky = {"type": "constant"}
     assert plan_of("path", floor(), LAMP, sky).survival_scale == 8.0
     chosen_by_file = make_plan(
-        renderer.load_dict(scene(CAMERA, "path", floor(), LAMP, sky)), light_choice="uniform"
+        renderer.load_dict(scene(CAMERA, "path", floor(), LAMP, sky)),
+        light_choice="uniform",
     )
     assert chosen_by_file.survival_scale == 4.0
 
