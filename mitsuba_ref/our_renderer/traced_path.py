@@ -12,12 +12,19 @@ from typing import Any
 
 Vector = tuple[float, float, float]
 Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
+Weights = dict[str, Vector]  # what a path of `volpathmis` carries besides its throughput
 
 BLACK: Vector = (0.0, 0.0, 0.0)
 WHITE: Vector = (1.0, 1.0, 1.0)
 
 PHASE = "phase function"
 """Name of the numbers that choose a direction at a collision."""
+
+DENSITIES = "densities"
+"""Of a path if each colour determined its distances, over their mean [Miller2019]."""
+LIT, LIT_DENSITIES = "light-sampling throughput", "light-sampling densities"
+"""The same path, if its next vertex is found by a light sample; the throughput is divided
+by the density of the direction. Left out where lights cannot be sampled."""
 
 # what may end a flight in place of a surface or the sky
 COLLISION = "a collision"  # real, in a medium
@@ -57,6 +64,7 @@ class Scattered:
     survived: bool  # Russian roulette
     origin: Vector | None = None  # of the next ray, off the surface; None: not written
     straight: bool = False  # a null BSDF: the density is of the event before
+    weights: Weights = field(default_factory=dict)  # of the next ray
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,7 @@ class Bounce:
     left_out: bool = False  # it ends because the rest of the path is known to be dark
     normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
     event: str = ""  # `COLLISION` or `ENDED`, where the flight ended so; `shape` is 0 then
+    weights: Weights = field(default_factory=dict)  # on arrival
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,13 @@ class TracedPath:
     def radiance(self) -> Vector:
         """What the path adds to the pixel."""
         return self.bounces[-1].radiance if self.bounces else BLACK
+
+
+def end_of_path(radiance: Vector, numbers: Numbers) -> Bounce:
+    """Return the bounce of a flight that ends nowhere."""
+    return Bounce(
+        0, None, 0.0, None, BLACK, BLACK, numbers, (), None, radiance, event=ENDED
+    )
 
 
 def light_number(k: int) -> str:
@@ -122,6 +138,7 @@ def _bounce(data: dict[str, Any]) -> Bounce:
             "throughput": _vector(data["throughput"]),
             "emitted": _vector(data["emitted"]),
             "radiance": _vector(data["radiance"]),
+            "weights": _vectors(data["weights"]),
             "lights": tuple(SampledLight(**_vectors(light)) for light in data["lights"]),
             "scattered": None if scattered is None else Scattered(**_vectors(scattered)),
         }
@@ -129,7 +146,8 @@ def _bounce(data: dict[str, Any]) -> Bounce:
 
 
 def _vectors(data: dict[str, Any]) -> dict[str, Any]:
-    return {k: _vector(v) if isinstance(v, list) else v for k, v in data.items()}
+    parts = {k: _vectors(v) if isinstance(v, dict) else v for k, v in data.items()}
+    return {k: _vector(v) if isinstance(v, list) else v for k, v in parts.items()}
 
 
 def _vector(values: Any) -> Vector:

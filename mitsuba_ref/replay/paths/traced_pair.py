@@ -32,18 +32,14 @@ from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene, build_scene
 from renderer.scene_file.description import SceneDescription
 
-METHODS = ("path", "direct", "volpath")
+METHODS = ("path", "direct", "volpath")  # volpathmis is a way to weight volpath
 
 Pixel = tuple[int, int]
 
 
 def is_traceable(description: SceneDescription) -> bool:
     """Tell whether the paths of a scene's colours are written down bounce by bounce."""
-    return _is_traced(_to_trace(description, None)[1])
-
-
-def _is_traced(plan: Plan) -> bool:
-    return plan.name in METHODS and not plan.mis_densities  # `volpathmis`: not
+    return _to_trace(description, None)[1].name in METHODS
 
 
 def _to_trace(description: SceneDescription, spp: int | None) -> tuple[Scene, Plan]:
@@ -86,11 +82,10 @@ class TracedPair:
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
         scene, plan = _to_trace(read_scene(request), request.spp)
         film = scene.description.camera.film
-        if not _is_traced(plan):
-            known = f"{', '.join(METHODS[:-1])} and {METHODS[-1]}"
+        if plan.name not in METHODS:
             raise NotTraceable(
-                f"{request.path}: a trace follows {known} with one sample at a point, not "
-                f"{'volpathmis' if plan.mis_densities else plan.name}"
+                f"{request.path}: a trace follows {', '.join(METHODS)} and volpathmis with "
+                f"one sample at a point, not {plan.name}"
             )
         self.size = (film.crop_width, film.crop_height)
         self.spp = plan.spp
@@ -179,6 +174,7 @@ class TracedPair:
                 "spp": request.spp,
                 "seed": request.seed,
                 "plugins": request.plugins,
+                "densities": self._plan.mis_densities,
             }
             self._mitsuba = VariantProcess(
                 "mitsuba_ref.replay.paths.mitsuba_trace_process",

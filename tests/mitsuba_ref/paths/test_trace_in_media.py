@@ -19,10 +19,10 @@ from mitsuba_ref.our_renderer.steps_in_media import StepsInMedia
 from mitsuba_ref.our_renderer.traced_path import COLLISION, ENDED, WHITE, TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.replay.paths.path_comparison import compare_paths, first_difference
-from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
+from mitsuba_ref.replay.paths.traced_pair import TracedPair
 
 PLUGINS = Path(__file__).parents[2] / "plugins"
-SCENES = ("heterogeneous", "volpath", "medium_of_camera")
+SCENES = ("heterogeneous", "volpath", "medium_of_camera", "volpathmis")
 PIXELS = tuple(product(range(4, 40, 9), range(5, 30, 7)))
 
 
@@ -99,11 +99,3 @@ def test_a_defect_in_a_flight_is_named(monkeypatch, capsys):
     output = capsys.readouterr().out
     assert "First difference at bounce 1: throughput" in output
     assert "Not within rounding" in output
-
-
-def test_which_paths_in_media_are_traced():
-    """`volpathmis` carries more than a throughput."""
-    text = (PLUGINS / "volpath.xml").read_text()
-    for name, traced in (("volpath", True), ("volpathmis", False)):
-        scene = renderer.load_string(text.replace("volpath", name))
-        assert is_traceable(scene.description) == traced
