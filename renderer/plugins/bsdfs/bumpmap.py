@@ -31,7 +31,7 @@ from renderer.plugins.bsdfs.normalmap import (
     facing,
     frame_along,
     normal,
-    sample,
+    sample_turned,
     turned_frame,
 )
 from renderer.plugins.bsdfs.parameters import (
@@ -115,12 +115,17 @@ def _turned_frame(bumped, wo):
     return frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
 
 
+@kernel
+def _sample(bumped, wo, numbers):
+    return sample_turned(bumped, wo, numbers, True)
+
+
 BUMP_MAP = BsdfKind(
     "bumpmap",
     Bumped,
     read,
     "with bumps of an image",
-    sample,
+    _sample,
     eval_pdf,
     albedo=albedo,
     normal=normal,

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
+from renderer.kernels.lanes.functions import (
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_mask,
+    sqrt,
+)
 from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
 from renderer.plugins.bsdfs.kind import (
     BsdfKind,
@@ -106,8 +113,12 @@ def _shadowing(parameters, n, wi):
 
 
 @kernel
-def sample(turned, wo, numbers):
-    """Sample the nested BSDF in its own frame."""
+def sample_turned(turned, wo, numbers, below):
+    """Sample the nested BSDF in its own frame.
+
+    `below`: whether a direction on the wrong side of the surface, which is black, keeps its
+    density. In Mitsuba it does so under a bump map.
+    """
     frame, there = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
@@ -116,10 +127,16 @@ def sample(turned, wo, numbers):
     return BsdfSample(
         wi,
         select3(possible, weight, black()),
-        select(possible, chosen.pdf, 0.0),
+        select(possible | (there & splat_mask(below)), chosen.pdf, 0.0),
         chosen.eta,
         chosen.lobe,
     )
+
+
+@kernel
+def sample(turned, wo, numbers):
+    """Sample the nested BSDF in its own frame."""
+    return sample_turned(turned, wo, numbers, False)
 
 
 @kernel
