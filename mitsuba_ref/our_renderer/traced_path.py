@@ -22,7 +22,7 @@ PHASE = "phase function"
 
 DENSITIES = "densities"
 """Of a path if each colour determined its distances, over their mean [Miller2019]."""
-LIT, LIT_DENSITIES = "light-sampling throughput", "light-sampling densities"
+LIT, LIT_DENSITIES = "lit throughput", "lit densities"
 """The same path, if its next vertex is found by a light sample; the throughput is divided
 by the density of the direction. Left out where lights cannot be sampled."""
 

@@ -5,6 +5,7 @@ The scenes of the plugins: nested media, grids, coloured extinction, null bounda
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from dataclasses import replace
 from itertools import product
@@ -98,4 +99,34 @@ def test_a_defect_in_a_flight_is_named(monkeypatch, capsys):
     assert main([str(PLUGINS / "medium_of_camera.xml"), "--trace", "13,12"]) == 1
     output = capsys.readouterr().out
     assert "First difference at bounce 1: throughput" in output
+    assert "Not within rounding" in output
+
+
+@pytest.fixture(params=["true", "false"])
+def spectral_scene(request, tmp_path):
+    """`volpathmis` with the densities of all colours, or with one."""
+    folder = shutil.copytree(PLUGINS, tmp_path / "plugins")
+    scene = folder / "volpathmis.xml"
+    kept = f'<boolean name="use_spectral_mis" value="{request.param}"/>'
+    text = scene.read_text().replace("</integrator>", kept + "</integrator>", 1)
+    scene.write_text(text)
+    return scene
+
+
+def test_a_wrong_weight_of_volpathmis_is_named(spectral_scene, monkeypatch, capsys):
+    """Light samples are expected at 0.9 of their weight: at the first bounce."""
+    trace = [str(spectral_scene), "--trace", "20,27", "--spp", "1"]
+    assert main(trace) == 0
+    assert "lit throughput after" in capsys.readouterr().out
+    real = StepsInMedia._scattered
+
+    def darker(self, tile, *given):
+        scattered = real(self, tile, *given)
+        self._weights_at(tile)[1] *= 0.9
+        return scattered and replace(scattered, weights=self._weights(tile))
+
+    monkeypatch.setattr(StepsInMedia, "_scattered", darker)
+    assert main(trace) == 1
+    output = capsys.readouterr().out
+    assert "First difference at bounce 0: lit throughput after" in output
     assert "Not within rounding" in output
