@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,14 @@ from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
     COLLISION,
+    ENDED,
     WHITE,
     Bounce,
-    Numbers,
     SampledLight,
     Scattered,
     TracedPath,
     Vector,
     Weights,
-    end_of_path,
 )
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import pack
@@ -37,15 +36,6 @@ from renderer.kernels.records.batch import Tile
 from renderer.rendering.job import RenderJob
 
 NAME = "lightproof"
-
-
-class Shaded(NamedTuple):
-    """Fields of a `Bounce`: what happens where it arrives; by default nothing."""
-
-    numbers: Numbers = {}  # noqa: RUF012
-    lights: tuple[SampledLight, ...] = ()
-    scattered: Scattered | None = None
-    left_out: bool = False
 
 
 class StepByStep:
@@ -199,7 +189,7 @@ class StepByStep:
         led = None if along is None else along.bounces[bounce]
         reached, collisions = self._fly(tile, sample, led)
         if reached + collisions == 0:
-            return end_of_path(before, {})
+            return Bounce(radiance=before, event=ENDED)
         arriving = work.media.collisions if collisions else work.rays
         throughput, weights = column(arriving.throughput), self._weights(tile)
         hit = reached > 0 and int(work.hits.prim[0]) >= 0
@@ -212,7 +202,7 @@ class StepByStep:
         points = work.media.collisions if collisions else work.points
         position = column(points.position) if hit or collisions else None
         normal = column(points.shading_normal) if hit else None
-        shaded = Shaded()
+        shaded = {}
         if hit or collisions:
             here = moved if moved is not None and moved.segment == bounce else None
             shaded = self._shade(tile, sample, bounce, collisions, here)
@@ -227,7 +217,7 @@ class StepByStep:
             normal=normal,
             event=COLLISION if collisions else "",
             weights=weights,
-            **shaded._asdict(),
+            **shaded,
         )
 
     def _fly(self, tile: Tile, sample: int, led: Bounce | None) -> tuple[int, int]:
@@ -246,11 +236,11 @@ class StepByStep:
 
     def _shade(
         self, tile: Tile, sample: int, bounce: int, collisions: int, here: Moved | None
-    ) -> Shaded:
-        """Sample lights and the next direction at the point in `work`."""
+    ) -> dict[str, Any]:
+        """Sample lights and the next direction at a point; return fields of its bounce."""
         scene, packed = self._scene, self._packed_work
         if bounce + 1 >= self._record.settings.max_depth:
-            return Shaded()
+            return {}
         stages.draw_step(scene, tile, sample, packed, 1)
         drawn = self._drawn.of_bounce(tile, int(self._work.hits.prim[0]))
         if here is not None and any(here.numbers):
@@ -260,7 +250,9 @@ class StepByStep:
         self._move_point(here)
         lights = self._sample_lights(tile, sample, np.int64(bounce), smooth)
         scattered = self._scatter(tile, sample, np.int64(bounce))
-        return Shaded(drawn, lights, scattered, smooth > 0 and not self._job.plan.follow)
+        left_out = smooth > 0 and not self._job.plan.follow
+        fields = {"numbers": drawn, "lights": lights, "scattered": scattered}
+        return fields | {"left_out": left_out}
 
     def _move_point(self, here: Moved | None, collisions: int = 0) -> None:
         """Move the point that is to be shaded."""

@@ -7,13 +7,14 @@ surface, or at a collision.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer import media_stages, single_stages
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
-from mitsuba_ref.our_renderer.step_by_step import Shaded, StepByStep, column
+from mitsuba_ref.our_renderer.step_by_step import StepByStep, column
 from mitsuba_ref.our_renderer.traced_path import (
     DENSITIES,
     LIT,
@@ -123,7 +124,7 @@ class StepsInMedia(StepByStep):
 
     def _shade(
         self, tile: Tile, sample: int, bounce: int, collisions: int, here: Moved | None
-    ) -> Shaded:
+    ) -> dict[str, Any]:
         order, packed, hits = self._order, self._packed_work, np.int64(not collisions)
         there = np.int64(collisions)
         media_stages.draw_lights_step(order, tile, sample, packed, hits, there)
@@ -136,7 +137,8 @@ class StepsInMedia(StepByStep):
         drawn = self._drawn.of_event(tile, bool(collisions)) | drawn
         if here is not None:
             self._drawn.nudge(tile, here.numbers, _OF_DIRECTIONS)
-        return Shaded(drawn, lights, self._scattered(tile, sample, there))
+        scattered = self._scattered(tile, sample, there)
+        return {"numbers": drawn, "lights": lights, "scattered": scattered}
 
     def _light(
         self, tile: Tile, sample: int, collisions: int, drawn: Numbers

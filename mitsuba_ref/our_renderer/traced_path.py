@@ -40,10 +40,12 @@ class SampledLight:
     distance: float  # infinite for directions and the environment
     pdf: float  # [1/sr] with the choice of the light; 0 for points and directions
     weight: Vector  # radiance over pdf, if nothing is in between
-    carried: Vector  # to the pixel, if nothing is in between
+    # to the pixel, if nothing is in between; `volpathmis`: without throughput and weights
+    carried: Vector
     blocked: bool | None  # None: not traced, as it would carry no light
     origin: Vector | None = None  # of the shadow ray; None: not traced
-    passed: Vector = WHITE  # what media and surfaces on the way let through
+    # what media and surfaces on the way let through, in `volpathmis` times what is missing
+    passed: Vector = WHITE
 
     @property
     def contribution(self) -> Vector:
@@ -71,16 +73,16 @@ class Scattered:
 class Bounce:
     """One segment of a path: where it arrived and what happened there."""
 
-    shape: int  # in the file, the first is 1; 0: it hit nothing
-    face: int | None  # of a mesh; None: a shape without faces
-    t: float  # length of the segment; infinite: it hit nothing
-    position: Vector | None
-    throughput: Vector  # on arrival
-    emitted: Vector  # what the arrival adds to the pixel
-    numbers: Numbers
-    lights: tuple[SampledLight, ...]
-    scattered: Scattered | None  # None: the path ends here
-    radiance: Vector  # of the pixel so far, with this bounce
+    shape: int = 0  # in the file, the first is 1; 0: it hit nothing
+    face: int | None = None  # of a mesh; None: a shape without faces
+    t: float = 0.0  # length of the segment; infinite: it hit nothing
+    position: Vector | None = None
+    throughput: Vector = BLACK  # on arrival
+    emitted: Vector = BLACK  # what the arrival adds to the pixel
+    numbers: Numbers = field(default_factory=dict)
+    lights: tuple[SampledLight, ...] = ()
+    scattered: Scattered | None = None  # None: the path ends here
+    radiance: Vector = BLACK  # of the pixel so far, with this bounce
     left_out: bool = False  # it ends because the rest of the path is known to be dark
     normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
     event: str = ""  # `COLLISION` or `ENDED`, where the flight ended so; `shape` is 0 then
@@ -102,13 +104,6 @@ class TracedPath:
     def radiance(self) -> Vector:
         """What the path adds to the pixel."""
         return self.bounces[-1].radiance if self.bounces else BLACK
-
-
-def end_of_path(radiance: Vector, numbers: Numbers) -> Bounce:
-    """Return the bounce of a flight that ends nowhere."""
-    return Bounce(
-        0, None, 0.0, None, BLACK, BLACK, numbers, (), None, radiance, event=ENDED
-    )
 
 
 def light_number(k: int) -> str:

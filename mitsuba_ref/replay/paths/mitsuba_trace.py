@@ -21,7 +21,6 @@ from mitsuba_ref.our_renderer.traced_path import (
     Scattered,
     TracedPath,
     Vector,
-    end_of_path,
     light_number,
 )
 from mitsuba_ref.reference.variant import load_mitsuba
@@ -116,7 +115,7 @@ class MitsubaTracer:
         event, at = self._fly(state, numbers)
         if event == ENDED:
             state.active = False
-            return end_of_path(vector(before), numbers.take())
+            return Bounce(numbers=numbers.take(), radiance=vector(before), event=ENDED)
         arriving, weights = vector(state.throughput), state.weights
         hit = not event and bool(at.is_valid())
         position = vector(at.p) if hit or event else None
@@ -146,16 +145,18 @@ class MitsubaTracer:
 
     def _fly(self, state: Any, numbers: NumbersDrawn) -> tuple[str, Any]:
         """Return what ends a flight, empty at a surface and in the sky, and where."""
-        mi, scene, ray = self._mi, self._scene, state.ray
-        si = scene.ray_intersect(ray, int(mi.RayFlags.All), state.depth == 0)
-        while (
-            self.method.hide_emitters
-            and state.depth == 0
-            and si.is_valid()
-            and si.shape.emitter() is not None
-        ):
-            si = scene.ray_intersect(si.spawn_ray(ray.d), int(mi.RayFlags.All), True)
-        return "", si
+        return "", self._surface(state)
+
+    def _surface(self, state: PathState) -> Any:
+        """Intersect a ray outside of media; the camera may not see lamps."""
+        scene, ray = self._scene, state.ray
+        si = scene.ray_intersect(ray)
+        hides = self.method.hide_emitters and state.depth == 0 and si.is_valid()
+        if not hides or si.shape.emitter() is None:
+            return si
+        ray = si.spawn_ray(ray.d)
+        behind = scene.integrator().skip_area_emitters(scene, ray, True, True)
+        return behind.compute_surface_interaction(ray, int(self._mi.RayFlags.All), True)
 
     def _arrive(self, state: PathState, si: Any) -> None:
         """Add the emitted light of the hit, weighted against light samples."""

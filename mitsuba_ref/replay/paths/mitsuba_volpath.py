@@ -68,7 +68,7 @@ class VolpathTracer(MitsubaTracer):
             if state.medium.is_homogeneous() and mei.is_valid():
                 ray.maxt = mei.t
             if si is None:
-                si = self._hit(ray)
+                si = self._scene.ray_intersect(ray)
             if si.t < mei.t:
                 mei.t = math.inf
             spectral = state.medium.has_spectral_extinction()
@@ -91,19 +91,6 @@ class VolpathTracer(MitsubaTracer):
             state.after_collision(mei, share, spectral)
             state.previous = mei
             return COLLISION, mei
-
-    def _hit(self, ray: Any) -> Any:
-        return self._scene.ray_intersect(ray, int(self._mi.RayFlags.All), False)
-
-    def _surface(self, state: PathInMedia) -> Any:
-        """Intersect a ray outside of media; the camera may not see lamps."""
-        si = self._hit(state.ray)
-        hides = self.method.hide_emitters and state.depth == 0 and si.is_valid()
-        if not hides or si.shape.emitter() is None:
-            return si
-        ray, scene, flags = si.spawn_ray(state.ray.d), self._scene, self._mi.RayFlags
-        behind = scene.integrator().skip_area_emitters(scene, ray, True, True)
-        return behind.compute_surface_interaction(ray, int(flags.All), True)
 
     def _scatter(
         self, state: PathInMedia, at: Any, numbers: NumbersDrawn
@@ -219,7 +206,7 @@ class VolpathTracer(MitsubaTracer):
                 mei = medium.sample_interaction(ray, drawn, shadow.channel, True)
                 if medium.is_homogeneous() and mei.is_valid():
                     ray.maxt = min(mei.t, float(rest))
-                si = self._hit(ray) if si is None else si
+                si = self._scene.ray_intersect(ray) if si is None else si
                 if si.t < mei.t:
                     mei.t = math.inf
                 spectral, sigma = medium.has_spectral_extinction(), mei.combined_extinction
@@ -237,12 +224,13 @@ class VolpathTracer(MitsubaTracer):
                     ray.o, si.t = mei.p, si.t - mei.t
                     shadow.after_ratio(mei, spectral)
             elif si is None:
-                si = self._hit(ray)
+                si = self._scene.ray_intersect(ray)
             if not collided:
                 gone = gone + np.float32(si.t)
                 if not si.is_valid():
                     return
-                shadow.after_pane(si.bsdf().eval_null_transmission(si, True))
+                left = si.bsdf().eval_null_transmission(si, True)
+                shadow.after_flight(left, self._mi.Color3f(1.0))
                 crossed, shadow.ray = si, si.spawn_ray(ray.d)
                 si = None
                 if crossed.is_medium_transition():

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import (
-    BLACK,
     DENSITIES,
     LIT,
     LIT_DENSITIES,
-    WHITE,
     Vector,
     Weights,
 )
@@ -74,10 +72,6 @@ class PathInMedia(PathState):
         """Go on as a shadow ray after a collision."""
         sigma_n = mei.sigma_n
         self.multiply(sigma_n if spectral else sigma_n / mei.combined_extinction)
-
-    def after_pane(self, passed: Any) -> None:
-        """Go straight through a surface as a shadow ray."""
-        self.multiply(passed)
 
     def after_scattering(self, weight: Any, pdf: float, straight: bool = False) -> None:
         """Take a direction of a BSDF or a phase function."""
@@ -190,11 +184,6 @@ class PathOfBothWays(PathInMedia):
         self._step(drjit.mean(ratio) if spectral else sigma_n, sigma_n)
         self._step_lit(1.0, sigma_n if spectral else ratio)
 
-    def after_pane(self, passed: Any) -> None:
-        """Go straight through a surface as a shadow ray."""
-        self._step(1.0, passed)
-        self._step_lit(1.0, passed)
-
     def after_scattering(self, weight: Any, pdf: float, straight: bool = False) -> None:
         """Take a direction of a BSDF or a phase function."""
         if not straight:
@@ -245,10 +234,8 @@ def _weight(matrix: Matrix) -> Matrix:
 
 def _densities(matrix: Matrix) -> Vector:
     """Return p_j / mean(p), black if there is none."""
-    row = matrix[matrix.sum(axis=1).argmax()]
-    if not row.any():
-        return BLACK
-    return WHITE if len(row) == 1 else vector(row / row.mean())
+    total = matrix.sum(axis=0)
+    return vector(np.resize(total / (total.mean() or np.float32(1.0)), 3))
 
 
 def _rgb(value: Any) -> Matrix:
