@@ -31,7 +31,7 @@ from renderer.plugins.bsdfs.normalmap import (
     facing,
     frame_along,
     normal,
-    sample_turned,
+    sample,
     turned_frame,
 )
 from renderer.plugins.bsdfs.parameters import (
@@ -112,12 +112,8 @@ def _turned_frame(bumped, wo):
     x = normalize(select3(there, dp_du, s))
     rest = x - local * dot(local, x)
     other, _ = orthonormal_basis(local)
-    return frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
-
-
-@kernel
-def _sample(bumped, wo, numbers):
-    return sample_turned(bumped, wo, numbers, True)
+    frame, valid = frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
+    return frame, valid, valid
 
 
 BUMP_MAP = BsdfKind(
@@ -125,7 +121,7 @@ BUMP_MAP = BsdfKind(
     Bumped,
     read,
     "with bumps of an image",
-    _sample,
+    sample,
     eval_pdf,
     albedo=albedo,
     normal=normal,

@@ -66,7 +66,11 @@ def read(properties: Any) -> Description:
 
 @interface
 def turned_frame(parameters: Any, wo: Any) -> Any:
-    """Return the frame of the nested BSDF in the local one, and the mask of valid ones."""
+    """Return the frame of the nested BSDF in the local one, and two masks.
+
+    The first is of valid frames. In the second a sampled direction keeps its density where
+    it is on the wrong side of the surface, and black. (In Mitsuba, under bump maps alone.)
+    """
 
 
 @kernel
@@ -100,7 +104,8 @@ def _turned_frame(mapped, wo):
     one, none = splat_f32(1.0), splat_f32(0.0)
     rgb = mapped.normalmap
     n = facing(mapped, wo, vec3(rgb.x * 2.0 - 1.0, rgb.y * 2.0 - 1.0, rgb.z * 2.0 - 1.0))
-    return frame_along(n, vec3(one, none, none))
+    frame, there = frame_along(n, vec3(one, none, none))
+    return frame, there, splat_mask(False)
 
 
 @kernel
@@ -113,13 +118,9 @@ def _shadowing(parameters, n, wi):
 
 
 @kernel
-def sample_turned(turned, wo, numbers, below):
-    """Sample the nested BSDF in its own frame.
-
-    `below`: whether a direction on the wrong side of the surface, which is black, keeps its
-    density. In Mitsuba it does so under a bump map.
-    """
-    frame, there = turned_frame(turned, wo)
+def sample(turned, wo, numbers):
+    """Sample the nested BSDF in its own frame."""
+    frame, there, below = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
     possible = there & (wi.z * chosen.wi.z > 0.0)
@@ -127,22 +128,16 @@ def sample_turned(turned, wo, numbers, below):
     return BsdfSample(
         wi,
         select3(possible, weight, black()),
-        select(possible | (there & splat_mask(below)), chosen.pdf, 0.0),
+        select(possible | below, chosen.pdf, 0.0),
         chosen.eta,
         chosen.lobe,
     )
 
 
 @kernel
-def sample(turned, wo, numbers):
-    """Sample the nested BSDF in its own frame."""
-    return sample_turned(turned, wo, numbers, False)
-
-
-@kernel
 def eval_pdf(turned, wo, wi):
     """Return f |cos| and pdf of the nested BSDF in its own frame."""
-    frame, there = turned_frame(turned, wo)
+    frame, there, _ = turned_frame(turned, wo)
     inner = to_local(frame, wi)
     f_cos, pdf = eval_pdf_nested(turned.nested, to_local(frame, wo), inner)
     possible = there & (wi.z * inner.z > 0.0)
@@ -153,7 +148,7 @@ def eval_pdf(turned, wo, wi):
 @kernel
 def normal(turned, wo):
     """Return the perturbed normal."""
-    frame, _ = turned_frame(turned, wo)
+    frame, _, _ = turned_frame(turned, wo)
     return frame.n
 
 
