@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 Vector = tuple[float, float, float]
 Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
 Weights = dict[str, Vector]  # what a path of `volpathmis` carries besides its throughput
@@ -113,38 +115,4 @@ def light_number(k: int) -> str:
 
 def path_from_json(data: dict[str, Any]) -> TracedPath:
     """Return the record from `dataclasses.asdict` of one that has been JSON since."""
-    return TracedPath(
-        renderer=data["renderer"],
-        numbers=data["numbers"],
-        origin=_vector(data["origin"]),
-        direction=_vector(data["direction"]),
-        bounces=tuple(_bounce(bounce) for bounce in data["bounces"]),
-        in_media=data["in_media"],
-    )
-
-
-def _bounce(data: dict[str, Any]) -> Bounce:
-    scattered, position, normal = data["scattered"], data["position"], data["normal"]
-    return Bounce(
-        **data
-        | {
-            "position": None if position is None else _vector(position),
-            "normal": None if normal is None else _vector(normal),
-            "throughput": _vector(data["throughput"]),
-            "emitted": _vector(data["emitted"]),
-            "radiance": _vector(data["radiance"]),
-            "weights": _vectors(data["weights"]),
-            "lights": tuple(SampledLight(**_vectors(light)) for light in data["lights"]),
-            "scattered": None if scattered is None else Scattered(**_vectors(scattered)),
-        }
-    )
-
-
-def _vectors(data: dict[str, Any]) -> dict[str, Any]:
-    parts = {k: _vectors(v) if isinstance(v, dict) else v for k, v in data.items()}
-    return {k: _vector(v) if isinstance(v, list) else v for k, v in parts.items()}
-
-
-def _vector(values: Any) -> Vector:
-    x, y, z = values
-    return float(x), float(y), float(z)
+    return msgspec.convert(data, TracedPath)

@@ -65,12 +65,13 @@ def read_method(integrator: Any, densities: int = 3) -> Method:
     hide = bool(getattr(integrator, "hide_emitters", False))
     if name == "PathIntegrator":
         return Method(number["max_depth"], number["rr_depth"], hide)
-    if name == "VolumetricSimplePathIntegrator":
-        return Method(number["max_depth"], number["rr_depth"], hide, media=True)
-    if name == "VolumetricMisPathIntegrator":
-        return Method(
-            number["max_depth"], number["rr_depth"], hide, media=True, densities=densities
-        )
+    in_media = {
+        "VolumetricSimplePathIntegrator": 0,
+        "VolumetricMisPathIntegrator": densities,
+    }
+    if name in in_media:
+        depths = number["max_depth"], number["rr_depth"]
+        return Method(*depths, hide, media=True, densities=in_media[name])
     if name != "DirectIntegrator":
         known = "path, direct, volpath and volpathmis"
         raise MitsubaError(f"a trace follows {known} only; the scene has {name}")
