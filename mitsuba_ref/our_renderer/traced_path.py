@@ -8,9 +8,6 @@ vectors are in world space; colours are linear sRGB.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
-
-import msgspec
 
 Vector = tuple[float, float, float]
 Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
@@ -111,8 +108,3 @@ class TracedPath:
 def light_number(k: int) -> str:
     """Return the name of the numbers of a bounce's light sample k, from 0."""
     return f"light {k + 1}" if k else "light"
-
-
-def path_from_json(data: dict[str, Any]) -> TracedPath:
-    """Return the record from `dataclasses.asdict` of one that has been JSON since."""
-    return msgspec.convert(data, TracedPath)

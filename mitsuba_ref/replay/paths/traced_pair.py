@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Self
 
+import msgspec
+
 from mitsuba_ref.our_renderer.picture import (
     edit_description,
     read_scene,
@@ -12,7 +14,7 @@ from mitsuba_ref.our_renderer.picture import (
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.steps_in_media import StepsInMedia
-from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
+from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
@@ -140,12 +142,12 @@ class TracedPair:
     def trace_mitsuba(self, pixel: Pixel, sample: int) -> TracedPath:
         """Return Mitsuba's path alone; see `trace`."""
         answer = self._mitsuba_process().ask({"pixel": pixel, "sample": sample})
-        return path_from_json(answer)
+        return msgspec.convert(answer, TracedPath)
 
     def trace_all(self, pixel: Pixel) -> list[tuple[TracedPath, TracedPath]]:
         """Return our path and Mitsuba's of each sample; see `trace`."""
         answer = self._mitsuba_process().ask({"pixel": pixel, "sample": None})
-        theirs = map(path_from_json, answer["paths"])
+        theirs = msgspec.convert(answer["paths"], list[TracedPath])
         ours = (self.trace_ours(pixel, sample) for sample in range(self.spp))
         return list(zip(ours, theirs, strict=True))
 
