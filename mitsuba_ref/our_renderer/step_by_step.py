@@ -20,13 +20,15 @@ from mitsuba_ref.our_renderer.numbers_drawn import NumbersDrawn
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
+    COLLISION,
+    ENDED,
     WHITE,
     Bounce,
-    Numbers,
     SampledLight,
     Scattered,
     TracedPath,
     Vector,
+    Weights,
 )
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import pack
@@ -182,51 +184,84 @@ class StepByStep:
         along: TracedPath | None,
     ) -> Bounce:
         """Follow the ray in `work` to where it arrives, and put the next one there."""
-        scene, work, packed = self._scene, self._work, self._packed_work
-        throughput, before = column(work.rays.throughput), column(work.radiance)
-        if along is not None:
-            work.rays.throughput[:, 0] = along.bounces[bounce].throughput
-        hit = int(work.hits.prim[0]) >= 0
+        work = self._work
+        start, before = column(work.rays.origin), column(work.radiance)
+        led = None if along is None else along.bounces[bounce]
+        reached, collisions = self._fly(tile, sample, led)
+        if reached + collisions == 0:
+            return Bounce(radiance=before, event=ENDED)
+        arriving = work.media.collisions if collisions else work.rays
+        throughput, weights = column(arriving.throughput), self._weights(tile)
+        hit = reached > 0 and int(work.hits.prim[0]) >= 0
         shape, face = self._what_was_hit() if hit else (0, None)
         # first: emitted light is weighed against the lights sampled at the previous point
-        stages.arrive_step(scene, np.int64(bounce), packed, 1)
-        stages.locate_step(scene, packed, 1)
-        position = column(work.points.position) if hit else None
-        normal = column(work.points.shading_normal) if hit else None
-        t = float(work.points.t[0]) if hit else math.inf
+        self._arrive(tile, bounce, reached)
         emitted = difference(column(work.radiance), before)
-        lights: tuple[SampledLight, ...] = ()
-        scattered = None
-        drawn: Numbers = {}
-        left_out = False
-        if hit and bounce + 1 < self._record.settings.max_depth:
-            stages.draw_step(scene, tile, sample, packed, 1)
-            drawn = self._drawn.of_bounce(tile, int(work.hits.prim[0]))
-            if moved is not None and moved.segment == bounce and any(moved.numbers):
-                self._drawn.nudge(tile, moved.numbers)
-            stages.list_step(scene, packed, 1)
-            smooth = stages.prepare_step(scene, packed)
-            if moved is not None and moved.segment == bounce:
-                # a hit stands in the list of each kind of BSDF that its shape has
-                point = work.points.position[:, : int(work.ends.max())]
-                point[:] = point.astype(np.float64) + np.reshape(moved.hit, (3, 1))
-            lights = self._sample_lights(tile, sample, np.int64(bounce), smooth)
-            scattered = self._scatter(tile, sample, np.int64(bounce))
-            left_out = smooth > 0 and not self._job.plan.follow
+        if hit:
+            stages.locate_step(self._scene, self._packed_work, 1)
+        points = work.media.collisions if collisions else work.points
+        position = column(points.position) if hit or collisions else None
+        normal = column(points.shading_normal) if hit else None
+        shaded = {}
+        if hit or collisions:
+            here = moved if moved is not None and moved.segment == bounce else None
+            shaded = self._shade(tile, sample, bounce, collisions, here)
         return Bounce(
             shape=shape,
             face=face,
-            t=t,
+            t=math.inf if position is None else math.dist(start, position),
             position=position,
             throughput=throughput,
             emitted=emitted,
-            numbers=drawn,
-            lights=lights,
-            scattered=scattered,
-            left_out=left_out,
             radiance=column(work.radiance),
             normal=normal,
+            event=COLLISION if collisions else "",
+            weights=weights,
+            **shaded,
         )
+
+    def _fly(self, tile: Tile, sample: int, led: Bounce | None) -> tuple[int, int]:
+        """Return how many rays end at a surface or in the sky, and how many collide."""
+        if led is not None:
+            self._work.rays.throughput[:, 0] = led.throughput
+        return 1, 0
+
+    def _weights(self, tile: Tile) -> Weights:
+        """Return what a path carries besides its throughput."""
+        return {}
+
+    def _arrive(self, tile: Tile, bounce: int, count: int) -> None:
+        """Add the light of what `count` rays have hit."""
+        stages.arrive_step(self._scene, np.int64(bounce), self._packed_work, count)
+
+    def _shade(
+        self, tile: Tile, sample: int, bounce: int, collisions: int, here: Moved | None
+    ) -> dict[str, Any]:
+        """Sample lights and the next direction at a point; return fields of its bounce."""
+        scene, packed = self._scene, self._packed_work
+        if bounce + 1 >= self._record.settings.max_depth:
+            return {}
+        stages.draw_step(scene, tile, sample, packed, 1)
+        drawn = self._drawn.of_bounce(tile, int(self._work.hits.prim[0]))
+        if here is not None and any(here.numbers):
+            self._drawn.nudge(tile, here.numbers)
+        stages.list_step(scene, packed, 1)
+        smooth = stages.prepare_step(scene, packed)
+        self._move_point(here)
+        lights = self._sample_lights(tile, sample, np.int64(bounce), smooth)
+        scattered = self._scatter(tile, sample, np.int64(bounce))
+        left_out = smooth > 0 and not self._job.plan.follow
+        fields = {"numbers": drawn, "lights": lights, "scattered": scattered}
+        return fields | {"left_out": left_out}
+
+    def _move_point(self, here: Moved | None, collisions: int = 0) -> None:
+        """Move the point that is to be shaded."""
+        if here is None:
+            return
+        points = self._work.media.collisions if collisions else self._work.points
+        # a hit stands in the list of each kind of BSDF that its shape has
+        place = points.position[:, : collisions or int(self._work.ends.max())]
+        place[:] = place.astype(np.float64) + np.reshape(here.hit, (3, 1))
 
     def _what_was_hit(self) -> tuple[int, int | None]:
         """Return the shape's number in the file, and the face of a mesh."""

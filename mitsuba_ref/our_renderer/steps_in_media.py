@@ -1,4 +1,4 @@
-"""Records one path of a replay of `volpath`, one stage at a time.
+"""Records one path of a replay of `volpath` or `volpathmis`, one stage at a time.
 
 A bounce is a flight with all of its null collisions, and what happens where it ends: at a
 surface, or at a collision.
@@ -6,29 +6,33 @@ surface, or at a collision.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer import media_stages, single_stages
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
-from mitsuba_ref.our_renderer.step_by_step import StepByStep, column, difference
+from mitsuba_ref.our_renderer.step_by_step import StepByStep, column
 from mitsuba_ref.our_renderer.traced_path import (
-    BLACK,
-    COLLISION,
-    ENDED,
+    DENSITIES,
+    LIT,
+    LIT_DENSITIES,
     Bounce,
     Numbers,
     SampledLight,
     Scattered,
     TracedPath,
+    Vector,
+    Weights,
 )
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.records.batch import Tile
 from renderer.plugins.bsdfs.kind import STRAIGHT
 from renderer.rendering.job import RenderJob
 from renderer.replay.media.record import PASSED
+from renderer.replay.media.spectral_mis import PATH, SHADOW
 from renderer.replay.sequences import BSDF, BSDF_CHOICE, LIGHT
 
 _OF_LIGHTS = slice(LIGHT, LIGHT + 2)  # rows of the numbers of a replay
@@ -41,7 +45,7 @@ class StepsInMedia(StepByStep):
     Parameters
     ----------
     job
-        By `volpath`, with Mitsuba's numbers.
+        By `volpath` or `volpathmis`, with Mitsuba's numbers.
     """
 
     def __init__(self, job: RenderJob) -> None:
@@ -49,6 +53,7 @@ class StepsInMedia(StepByStep):
         record, sampler = job.kernel_scene, job.sampler.record
         _, self._order = job.variant.traced(job.scene, job.plan, record, sampler)
         self._numbers = sampler.numbers
+        self._both_ways = job.plan.mis_densities > 0
         self._most_bounces = NO_LIMIT  # surfaces that let a path through do not count
 
     def _first_hits(self, tile: Tile, sample: int, count: int) -> None:
@@ -73,6 +78,7 @@ class StepsInMedia(StepByStep):
         if len(before) < segment or scattered is None:
             return
         rays.throughput[:, 0] = scattered.throughput
+        self._lead_weights(tile, scattered)
         last = [b for b in before if b.scattered is not None and not b.scattered.straight]
         at = last[-1].position if last else along.origin
         assert at is not None
@@ -84,58 +90,55 @@ class StepsInMedia(StepByStep):
         pixel = np.int64(tile.y * tile.film_width + tile.x)
         media_stages.redraw_step(self._order, pixel, sample, kinds)
 
-    def _bounce(
-        self,
-        tile: Tile,
-        sample: int,
-        bounce: int,
-        moved: Moved | None,
-        along: TracedPath | None,
-    ) -> Bounce:
-        order, work, packed = self._order, self._work, self._packed_work
-        start, before = column(work.rays.origin), column(work.radiance)
+    def _weights_at(self, tile: Tile) -> NDArray[np.float32]:
+        """Return a view on what `volpathmis` carries for a pixel, a row of RGB for each."""
+        rows = self._numbers[PATH:SHADOW, tile.y * tile.film_width + tile.x]
+        return rows.reshape(3, 3)
+
+    def _weights(self, tile: Tile) -> Weights:
+        """Return what a path of `volpathmis` carries; see `note_scattered`."""
+        if not self._both_ways:
+            return {}
+        carried, pdf = self._weights_at(tile), self._work.rays.pdf[0]
+        weights = {DENSITIES: carried[0]}
+        if pdf > 0.0:
+            weights |= {LIT: carried[1] / pdf, LIT_DENSITIES: carried[2]}
+        return {name: column(weight[:, None]) for name, weight in weights.items()}
+
+    def _lead_weights(self, tile: Tile, scattered: Scattered) -> None:
+        if not self._both_ways:
+            return
+        carried, weights = self._weights_at(tile), scattered.weights
+        for row, name in enumerate((DENSITIES, LIT, LIT_DENSITIES)):
+            carried[row] = weights.get(name, carried[row])
+        if LIT in weights:
+            carried[1] *= scattered.pdf
+
+    def _fly(self, tile: Tile, sample: int, led: Bounce | None) -> tuple[int, int]:
         self._drawn.forget(tile)
-        ended = media_stages.fly_step(order, tile, sample, packed)
-        reached, collisions = np.int64(ended & 1), np.int64(ended >> 1)
-        if not ended:
-            return _end_of_path(before)
-        hit = bool(reached) and int(work.hits.prim[0]) >= 0
-        shape, face = self._what_was_hit() if hit else (0, None)
-        media_stages.arrive_step(order, tile, packed, reached)
-        if hit:
-            single_stages.locate_step(self._scene, packed, 1)
-        points = work.media.collisions if collisions else work.points
-        position = column(points.position) if hit or collisions else None
-        normal = column(points.shading_normal) if hit else None
-        throughput = column(points.throughput if collisions else work.rays.throughput)
-        emitted = difference(column(work.radiance), before)
-        media_stages.draw_lights_step(order, tile, sample, packed, reached, collisions)
+        ended = media_stages.fly_step(self._order, tile, sample, self._packed_work)
+        return int(ended & 1), int(ended >> 1)
+
+    def _arrive(self, tile: Tile, bounce: int, count: int) -> None:
+        media_stages.arrive_step(self._order, tile, self._packed_work, np.int64(count))
+
+    def _shade(
+        self, tile: Tile, sample: int, bounce: int, collisions: int, here: Moved | None
+    ) -> dict[str, Any]:
+        order, packed, hits = self._order, self._packed_work, np.int64(not collisions)
+        there = np.int64(collisions)
+        media_stages.draw_lights_step(order, tile, sample, packed, hits, there)
         drawn = self._drawn.of_event(tile, bool(collisions))
-        here = moved if moved is not None and moved.segment == bounce else None
+        self._move_point(here, collisions)
         if here is not None:
-            # a hit stands in the list of each kind of BSDF that its shape has
-            place = points.position[:, : 1 if collisions else int(work.ends.max())]
-            place[:] = place.astype(np.float64) + np.reshape(here.hit, (3, 1))
             self._drawn.nudge(tile, here.numbers, _OF_LIGHTS)
-        lights = self._light(tile, sample, int(collisions), drawn)
-        media_stages.draw_directions_step(order, tile, sample, packed, reached, collisions)
+        lights = self._light(tile, sample, collisions, drawn)
+        media_stages.draw_directions_step(order, tile, sample, packed, hits, there)
         drawn = self._drawn.of_event(tile, bool(collisions)) | drawn
         if here is not None:
             self._drawn.nudge(tile, here.numbers, _OF_DIRECTIONS)
-        return Bounce(
-            shape=shape,
-            face=face,
-            t=math.inf if position is None else math.dist(start, position),
-            position=position,
-            throughput=throughput,
-            emitted=emitted,
-            numbers=drawn,
-            lights=lights,
-            scattered=self._scattered(tile, sample, collisions),
-            radiance=column(work.radiance),
-            normal=normal,
-            event=COLLISION if collisions else "",
-        )
+        scattered = self._scattered(tile, sample, there)
+        return {"numbers": drawn, "lights": lights, "scattered": scattered}
 
     def _light(
         self, tile: Tile, sample: int, collisions: int, drawn: Numbers
@@ -149,9 +152,11 @@ class StepsInMedia(StepByStep):
         work.shadow_rays.radiance[:, 0] = 0.0  # it stays if no light is reflected
         packed = self._packed_work
         media_stages.light_step(self._order, tile, sample, packed, np.int64(collisions))
-        work.radiance[:, 0] += before
-        passed = column(self._numbers[PASSED:, tile.y * tile.film_width + tile.x :])
         carried = column(work.shadow_rays.radiance)
+        passed = column(self._numbers[PASSED:, tile.y * tile.film_width + tile.x :])
+        if self._both_ways:  # weights follow once it is known what both techniques pass
+            passed = ratio(column(work.radiance), carried)
+        work.radiance[:, 0] += before
         blocked = not any(passed) if any(carried) else None
         count = 1 if collisions else int(work.ends[self._record.bsdfs.smooth])
         points = work.media.collisions if collisions else work.points
@@ -167,12 +172,14 @@ class StepsInMedia(StepByStep):
             return None
         direction, throughput = column(rays.direction), column(rays.throughput)
         pdf, straight = max(float(rays.pdf[0]), 0.0), int(rays.lobe[0]) == STRAIGHT
-        return Scattered(direction, pdf, throughput, True, column(rays.origin), straight)
+        origin, weights = column(rays.origin), self._weights(tile)
+        return Scattered(direction, pdf, throughput, True, origin, straight, weights)
 
 
-def _end_of_path(radiance: tuple[float, float, float]) -> Bounce:
-    """Return the bounce of a flight that ends nowhere."""
-    return Bounce(0, None, 0.0, None, BLACK, BLACK, {}, (), None, radiance, event=ENDED)
+def ratio(a: Vector, b: Vector) -> Vector:
+    """Return a / b of each component, and 0 where b is 0."""
+    x, y, z = (p / q if q else 0.0 for p, q in zip(a, b, strict=True))
+    return x, y, z
 
 
 def _kinds_of(names: list[str]) -> Iterator[int]:

@@ -8,16 +8,22 @@ vectors are in world space; colours are linear sRGB.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 Vector = tuple[float, float, float]
 Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
+Weights = dict[str, Vector]  # what a path of `volpathmis` carries besides its throughput
 
 BLACK: Vector = (0.0, 0.0, 0.0)
 WHITE: Vector = (1.0, 1.0, 1.0)
 
 PHASE = "phase function"
 """Name of the numbers that choose a direction at a collision."""
+
+DENSITIES = "densities"
+"""Of a path if each colour determined its distances, over their mean [Miller2019]."""
+LIT, LIT_DENSITIES = "lit throughput", "lit densities"
+"""The same path, if its next vertex is found by a light sample; the throughput is divided
+by the density of the direction. Left out where lights cannot be sampled."""
 
 # what may end a flight in place of a surface or the sky
 COLLISION = "a collision"  # real, in a medium
@@ -33,10 +39,12 @@ class SampledLight:
     distance: float  # infinite for directions and the environment
     pdf: float  # [1/sr] with the choice of the light; 0 for points and directions
     weight: Vector  # radiance over pdf, if nothing is in between
-    carried: Vector  # to the pixel, if nothing is in between
+    # to the pixel, if nothing is in between; `volpathmis`: without throughput and weights
+    carried: Vector
     blocked: bool | None  # None: not traced, as it would carry no light
     origin: Vector | None = None  # of the shadow ray; None: not traced
-    passed: Vector = WHITE  # what media and surfaces on the way let through
+    # what media and surfaces on the way let through, in `volpathmis` times what is missing
+    passed: Vector = WHITE
 
     @property
     def contribution(self) -> Vector:
@@ -57,25 +65,27 @@ class Scattered:
     survived: bool  # Russian roulette
     origin: Vector | None = None  # of the next ray, off the surface; None: not written
     straight: bool = False  # a null BSDF: the density is of the event before
+    weights: Weights = field(default_factory=dict)  # of the next ray
 
 
 @dataclass(frozen=True)
 class Bounce:
     """One segment of a path: where it arrived and what happened there."""
 
-    shape: int  # in the file, the first is 1; 0: it hit nothing
-    face: int | None  # of a mesh; None: a shape without faces
-    t: float  # length of the segment; infinite: it hit nothing
-    position: Vector | None
-    throughput: Vector  # on arrival
-    emitted: Vector  # what the arrival adds to the pixel
-    numbers: Numbers
-    lights: tuple[SampledLight, ...]
-    scattered: Scattered | None  # None: the path ends here
-    radiance: Vector  # of the pixel so far, with this bounce
+    shape: int = 0  # in the file, the first is 1; 0: it hit nothing
+    face: int | None = None  # of a mesh; None: a shape without faces
+    t: float = 0.0  # length of the segment; infinite: it hit nothing
+    position: Vector | None = None
+    throughput: Vector = BLACK  # on arrival
+    emitted: Vector = BLACK  # what the arrival adds to the pixel
+    numbers: Numbers = field(default_factory=dict)
+    lights: tuple[SampledLight, ...] = ()
+    scattered: Scattered | None = None  # None: the path ends here
+    radiance: Vector = BLACK  # of the pixel so far, with this bounce
     left_out: bool = False  # it ends because the rest of the path is known to be dark
     normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
     event: str = ""  # `COLLISION` or `ENDED`, where the flight ended so; `shape` is 0 then
+    weights: Weights = field(default_factory=dict)  # on arrival
 
 
 @dataclass(frozen=True)
@@ -98,40 +108,3 @@ class TracedPath:
 def light_number(k: int) -> str:
     """Return the name of the numbers of a bounce's light sample k, from 0."""
     return f"light {k + 1}" if k else "light"
-
-
-def path_from_json(data: dict[str, Any]) -> TracedPath:
-    """Return the record from `dataclasses.asdict` of one that has been JSON since."""
-    return TracedPath(
-        renderer=data["renderer"],
-        numbers=data["numbers"],
-        origin=_vector(data["origin"]),
-        direction=_vector(data["direction"]),
-        bounces=tuple(_bounce(bounce) for bounce in data["bounces"]),
-        in_media=data["in_media"],
-    )
-
-
-def _bounce(data: dict[str, Any]) -> Bounce:
-    scattered, position, normal = data["scattered"], data["position"], data["normal"]
-    return Bounce(
-        **data
-        | {
-            "position": None if position is None else _vector(position),
-            "normal": None if normal is None else _vector(normal),
-            "throughput": _vector(data["throughput"]),
-            "emitted": _vector(data["emitted"]),
-            "radiance": _vector(data["radiance"]),
-            "lights": tuple(SampledLight(**_vectors(light)) for light in data["lights"]),
-            "scattered": None if scattered is None else Scattered(**_vectors(scattered)),
-        }
-    )
-
-
-def _vectors(data: dict[str, Any]) -> dict[str, Any]:
-    return {k: _vector(v) if isinstance(v, list) else v for k, v in data.items()}
-
-
-def _vector(values: Any) -> Vector:
-    x, y, z = values
-    return float(x), float(y), float(z)

@@ -1,6 +1,7 @@
-"""What Mitsuba's `path`, `direct` and `volpath` do differently, read from the built one.
+"""What Mitsuba's `path`, `direct`, `volpath` and `volpathmis` do differently.
 
-All weight light samples and BSDF samples by the power heuristic [Veach1997].
+All but `volpathmis` weight light samples and BSDF samples by the power heuristic
+[Veach1997].
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ class Method:
     share: bool = False  # whether densities count by their share of all samples
     point_first: bool = False  # the BSDF's point is drawn before its single number
     media: bool = False  # paths pass through media
+    densities: int = 0  # of a path of `volpathmis`: 3, or 1 without use_spectral_mis
 
     def light_weight(self, light_pdf: float, bsdf_pdf: float) -> float:
         """Return the weight of one of the light samples."""
@@ -46,10 +48,11 @@ class Method:
         return self.light_samples / count, self.bsdf_samples / count
 
 
-def read_method(integrator: Any) -> Method:
+def read_method(integrator: Any, densities: int = 3) -> Method:
     """Return the parameters of a mitsuba.Integrator.
 
-    Its description in words is the only place that has them all.
+    Its description in words is the only place that has them all, but for `densities`, which
+    count for `volpathmis`.
 
     Raises
     ------
@@ -62,10 +65,15 @@ def read_method(integrator: Any) -> Method:
     hide = bool(getattr(integrator, "hide_emitters", False))
     if name == "PathIntegrator":
         return Method(number["max_depth"], number["rr_depth"], hide)
-    if name == "VolumetricSimplePathIntegrator":
-        return Method(number["max_depth"], number["rr_depth"], hide, media=True)
+    in_media = {
+        "VolumetricSimplePathIntegrator": 0,
+        "VolumetricMisPathIntegrator": densities,
+    }
+    if name in in_media:
+        depths = number["max_depth"], number["rr_depth"]
+        return Method(*depths, hide, media=True, densities=in_media[name])
     if name != "DirectIntegrator":
-        known = "path, direct and volpath"
+        known = "path, direct, volpath and volpathmis"
         raise MitsubaError(f"a trace follows {known} only; the scene has {name}")
     lights, directions = number["emitter_samples"], number["bsdf_samples"]
     if directions > 1:

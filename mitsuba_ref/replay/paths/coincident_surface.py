@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
-from mitsuba_ref.our_renderer.traced_path import BLACK, Bounce, TracedPath, Vector
+from mitsuba_ref.our_renderer.traced_path import WHITE, Bounce, TracedPath, Vector
 from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_options import RenderOptions
@@ -18,7 +18,7 @@ from renderer.scene.placed_groups import shape_numbers
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
 
-NEVER_READ = Bounce(0, None, 0.0, None, (1.0, 1.0, 1.0), BLACK, {}, (), None, BLACK)
+NEVER_READ = Bounce(throughput=WHITE)
 """A path to be led along has a bounce for each one wanted."""
 
 

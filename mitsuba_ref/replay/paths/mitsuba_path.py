@@ -7,7 +7,8 @@ from typing import Any
 import drjit
 import numpy as np
 
-from mitsuba_ref.our_renderer.traced_path import Numbers, Vector
+from mitsuba_ref.our_renderer.traced_path import Numbers, Vector, Weights
+from mitsuba_ref.replay.integrator_method import Method
 
 
 class NumbersDrawn:
@@ -56,9 +57,19 @@ class PathState:
         self.delta = True
         self._mi = mi
 
+    @property
+    def weights(self) -> Weights:
+        """What a trace shows besides the throughput."""
+        return {}
+
     def add(self, radiance: Any) -> None:
         """Add to the pixel what arrives at the path's end."""
         self.result = drjit.fma(self.throughput, radiance, self.result)
+
+    def arrive(self, radiance: Any, light_pdf: float | None, method: Method) -> None:
+        """Add emitted light; `light_pdf` is None where no light sample could find it."""
+        weight = 1.0 if light_pdf is None else method.bsdf_weight(self.pdf, light_pdf)
+        self.add(radiance * weight)
 
     def go_on(self, si: Any, direction: Any, chosen: Any, weight: Any) -> None:
         """Leave a surface point in the direction that its BSDF chose."""

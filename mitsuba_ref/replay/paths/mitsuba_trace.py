@@ -14,14 +14,17 @@ from itertools import islice
 from typing import Any
 
 from mitsuba_ref.our_renderer.traced_path import (
+    ENDED,
+    WHITE,
     Bounce,
     SampledLight,
     Scattered,
     TracedPath,
+    Vector,
     light_number,
 )
 from mitsuba_ref.reference.variant import load_mitsuba
-from mitsuba_ref.replay.integrator_method import read_method
+from mitsuba_ref.replay.integrator_method import Method
 from mitsuba_ref.replay.paths.mitsuba_path import (
     NumbersDrawn,
     PathState,
@@ -41,22 +44,17 @@ class MitsubaTracer:
         A mitsuba.Scene whose shapes were not merged.
     spp
         Samples per pixel, which some samplers' patterns depend on.
-    integrator
-        A mitsuba.Integrator; None is the scene's.
-
-    Raises
-    ------
-    MitsubaError
-        For an integrator that `read_method` does not know.
+    method
+        From `read_method`.
     """
 
-    def __init__(self, scene: Any, spp: int, integrator: Any = None) -> None:
+    def __init__(self, scene: Any, spp: int, method: Method) -> None:
         self._mi = load_mitsuba()
         self._scene = scene
         self._sensor = scene.sensors()[0]
         self._sensor.sampler().set_sample_count(spp)
         self.spp = int(self._sensor.sampler().sample_count())
-        self.method = read_method(integrator or scene.integrator())
+        self.method = method
         self._shapes = list(scene.shapes())
         self._light_names = _light_names(scene)
 
@@ -98,73 +96,86 @@ class MitsubaTracer:
         numbers = NumbersDrawn(sampler)
         ray = self._camera_ray(pixel, numbers)
         drawn = numbers.take()
-        bounces = tuple(self._bounces(ray, numbers))
+        bounces = tuple(self._bounces(self._begin(ray, numbers), numbers))
         media = self.method.media
         return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), bounces, media)
 
-    def _bounces(self, ray: Any, numbers: NumbersDrawn) -> Iterator[Bounce]:
-        """Follow a camera ray, and yield its bounces."""
+    def _begin(self, ray: Any, numbers: NumbersDrawn) -> PathState:
+        """Return the state of a path at the camera."""
         state = PathState(self._mi, ray)
-        while state.active and state.depth < self.method.max_depth:
+        state.active = self.method.max_depth > 0
+        return state
+
+    def _bounces(self, state: PathState, numbers: NumbersDrawn) -> Iterator[Bounce]:
+        while state.active:
             yield self._bounce(state, numbers)
 
-    def _bounce(self, state: PathState, numbers: NumbersDrawn) -> Bounce:
-        arriving = vector(state.throughput)
-        si = self._intersect(state)
-        before = state.result
-        self._arrive(state, si)
+    def _bounce(self, state: Any, numbers: NumbersDrawn) -> Bounce:
+        start, before = vector(state.ray.o), state.result
+        event, at = self._fly(state, numbers)
+        if event == ENDED:
+            state.active = False
+            return Bounce(numbers=numbers.take(), radiance=vector(before), event=ENDED)
+        arriving, weights = vector(state.throughput), state.weights
+        hit = not event and bool(at.is_valid())
+        position = vector(at.p) if hit or event else None
+        if not event:
+            self._arrive(state, at)
         emitted = vector(state.result - before)
-        hit = bool(si.is_valid())
-        state.active = hit and state.depth + 1 < self.method.max_depth
         lights: tuple[SampledLight, ...] = ()
         scattered = None
-        if state.active:
-            lights, scattered = self._scatter(state, si, numbers)
+        if hit or event:
+            lights, scattered = self._scatter(state, at, numbers)
+        state.active = scattered is not None and scattered.survived
         return Bounce(
-            shape=self._shape_number(si) if hit else 0,
-            face=int(si.prim_index) if hit and si.shape.is_mesh() else None,
-            t=float(si.t),
-            position=vector(si.p) if hit else None,
+            shape=self._shape_number(at) if hit else 0,
+            face=int(at.prim_index) if hit and at.shape.is_mesh() else None,
+            t=math.inf if position is None else math.dist(start, position),
+            position=position,
             throughput=arriving,
             emitted=emitted,
             numbers=numbers.take(),
             lights=lights,
             scattered=scattered,
             radiance=vector(state.result),
-            normal=vector(si.sh_frame.n) if hit else None,
+            normal=vector(at.sh_frame.n) if hit else None,
+            event=event,
+            weights=weights,
         )
 
-    def _intersect(self, state: PathState) -> Any:
-        mi, scene, ray = self._mi, self._scene, state.ray
-        si = scene.ray_intersect(ray, int(mi.RayFlags.All), state.depth == 0)
-        while (
-            self.method.hide_emitters
-            and state.depth == 0
-            and si.is_valid()
-            and si.shape.emitter() is not None
-        ):
-            si = scene.ray_intersect(si.spawn_ray(ray.d), int(mi.RayFlags.All), True)
-        return si
+    def _fly(self, state: Any, numbers: NumbersDrawn) -> tuple[str, Any]:
+        """Return what ends a flight, empty at a surface and in the sky, and where."""
+        return "", self._surface(state)
+
+    def _surface(self, state: PathState) -> Any:
+        """Intersect a ray outside of media; the camera may not see lamps."""
+        scene, ray = self._scene, state.ray
+        si = scene.ray_intersect(ray)
+        hides = self.method.hide_emitters and state.depth == 0 and si.is_valid()
+        if not hides or si.shape.emitter() is None:
+            return si
+        ray = si.spawn_ray(ray.d)
+        behind = scene.integrator().skip_area_emitters(scene, ray, True, True)
+        return behind.compute_surface_interaction(ray, int(self._mi.RayFlags.All), True)
 
     def _arrive(self, state: PathState, si: Any) -> None:
-        """Add the emitted light of the hit, with its MIS weight against light samples."""
+        """Add the emitted light of the hit, weighted against light samples."""
         mi, scene = self._mi, self._scene
         emitter = si.emitter(scene)
         if emitter is None or (self.method.hide_emitters and state.depth == 0):
             return
-        weight = 1.0
-        if state.depth > 0:
-            light_pdf = 0.0
-            if not state.delta:
-                ds = mi.DirectionSample3f(scene, si, state.previous)
-                light_pdf = scene.pdf_emitter_direction(state.previous, ds, True)
-            weight = self.method.bsdf_weight(state.pdf, light_pdf)
-        state.add(emitter.eval(si, state.pdf > 0.0) * weight)
+        light_pdf = None
+        if state.depth > 0 and not state.delta:
+            ds = mi.DirectionSample3f(scene, si, state.previous)
+            light_pdf = scene.pdf_emitter_direction(state.previous, ds, True)
+        state.arrive(emitter.eval(si, state.pdf > 0.0), light_pdf, self.method)
 
     def _scatter(
-        self, state: PathState, si: Any, numbers: NumbersDrawn
+        self, state: Any, si: Any, numbers: NumbersDrawn
     ) -> tuple[tuple[SampledLight, ...], Scattered | None]:
         mi, method = self._mi, self.method
+        if state.depth + 1 >= method.max_depth:
+            return (), None
         bsdf, context = si.bsdf(), mi.BSDFContext()
         smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         names = [light_number(k) for k in range(method.light_samples if smooth else 0)]
@@ -172,7 +183,6 @@ class MitsubaTracer:
         drawn = points if self._light_names else []
         lights = tuple(self._sample_light(state, si, bsdf, point) for point in drawn)
         if method.bsdf_samples == 0:
-            state.active = False
             return lights, None
         number, point = self._bsdf_numbers(numbers)
         chosen, weight = bsdf.sample(context, si, number, point, True)
@@ -181,7 +191,6 @@ class MitsubaTracer:
         throughput = vector(state.throughput)
         survived = state.play_roulette(method.roulette_depth, numbers)
         if not any(throughput):
-            state.active = False
             return lights, None
         pdf = 0.0 if state.delta else state.pdf
         origin = vector(state.ray.o)
@@ -213,17 +222,30 @@ class MitsubaTracer:
         blocked = None
         if sampled.pdf != 0.0 and any(vector(carried)):
             blocked = not any(vector(weight))
-        far = mi.has_flag(sampled.emitter.flags(), mi.EmitterFlags.Infinite)
+        # what `sample_emitter_direction` sends towards the light
+        origin = None if blocked is None else vector(si.spawn_ray_to(sampled.p).o)
+        return self._sampled_light(sampled, unblocked, vector(carried), blocked, origin)
+
+    def _sampled_light(
+        self,
+        sampled: Any,
+        weight: Any,
+        carried: Vector,
+        blocked: bool | None,
+        origin: Vector | None,
+        passed: Vector = WHITE,
+    ) -> SampledLight:
+        far = self._mi.has_flag(sampled.emitter.flags(), self._mi.EmitterFlags.Infinite)
         return SampledLight(
             light=self._light_names.get(sampled.emitter, "?"),
             direction=vector(sampled.d),
             distance=math.inf if far else float(sampled.dist),
             pdf=0.0 if sampled.delta else float(sampled.pdf),
-            weight=vector(unblocked),
-            carried=vector(carried),
+            weight=vector(weight),
+            carried=carried,
             blocked=blocked,
-            # what `sample_emitter_direction` sends towards the light
-            origin=None if blocked is None else vector(si.spawn_ray_to(sampled.p).o),
+            origin=origin,
+            passed=passed,
         )
 
     def _shape_number(self, si: Any) -> int:

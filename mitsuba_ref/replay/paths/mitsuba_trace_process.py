@@ -17,10 +17,15 @@ from mitsuba_ref.replay.paths.mitsuba_volpath import VolpathTracer
 from renderer.replay.pixel_seeds import pixel_seeds
 
 
-def tracer_of(scene: Any, spp: int, integrator: Any = None) -> MitsubaTracer:
-    """Return what traces a scene; parameters and errors are those of `MitsubaTracer`."""
-    media = read_method(integrator or scene.integrator()).media
-    return (VolpathTracer if media else MitsubaTracer)(scene, spp, integrator)
+def tracer_of(
+    scene: Any, spp: int, integrator: Any = None, densities: int = 3
+) -> MitsubaTracer:
+    """Return what traces a scene by an integrator, None for its own.
+
+    Other parameters and errors are those of `MitsubaTracer` and `read_method`.
+    """
+    method = read_method(integrator or scene.integrator(), densities)
+    return (VolpathTracer if method.media else MitsubaTracer)(scene, spp, method)
 
 
 def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
@@ -34,7 +39,8 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         plugins=job["plugins"],
     )
     sensor = edited.scene.sensors()[0]
-    tracer = tracer_of(edited.scene, job["spp"] or sensor.sampler().sample_count())
+    spp = job["spp"] or sensor.sampler().sample_count()
+    tracer = tracer_of(edited.scene, spp, densities=job["densities"])
     width, height = (int(n) for n in sensor.film().crop_size())
     seeds = pixel_seeds(width, height, job["seed"])
 

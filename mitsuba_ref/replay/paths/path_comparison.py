@@ -19,6 +19,7 @@ from mitsuba_ref.our_renderer.traced_path import (
     Scattered,
     TracedPath,
     Vector,
+    Weights,
 )
 
 TOLERANCE = 1e-3
@@ -211,6 +212,7 @@ def _at_surface(number: int, a: Bounce, b: Bounce, faint: float) -> Iterator[Qua
     """Compare a hit's position and all that follows from position, face and normal."""
     yield _vectors(number, "position", a.position, b.position)
     yield _vectors(number, "throughput", a.throughput, b.throughput)
+    yield from _weights(number, a.weights, b.weights)
     yield _vectors(number, "emitted", a.emitted, b.emitted, faint)
     yield from _numbers(number, a.numbers, b.numbers)
     for turn in range(max(len(a.lights), len(b.lights))):
@@ -274,7 +276,14 @@ def _scattered(number: int, a: Scattered | None, b: Scattered | None) -> Iterato
     yield _vectors(number, "next origin", a.origin, b.origin)
     yield _numbers_apart(number, "BSDF pdf", a.pdf, b.pdf, GRAZING)
     yield _vectors(number, "throughput after", a.throughput, b.throughput)
+    yield from _weights(number, a.weights, b.weights, " after")
     yield _decision(number, "survives", a.survived, b.survived, kind="roulette")
+
+
+def _weights(number: int, a: Weights, b: Weights, when: str = "") -> Iterator[Quantity]:
+    for name in a:
+        if name in b:
+            yield _vectors(number, name + when, a[name], b[name])
 
 
 def _numbers(number: int, a: dict[str, float], b: dict[str, float]) -> Iterator[Quantity]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Self
 
+import msgspec
+
 from mitsuba_ref.our_renderer.picture import (
     edit_description,
     read_scene,
@@ -12,7 +14,7 @@ from mitsuba_ref.our_renderer.picture import (
 from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.steps_in_media import StepsInMedia
-from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
+from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
@@ -32,18 +34,14 @@ from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene, build_scene
 from renderer.scene_file.description import SceneDescription
 
-METHODS = ("path", "direct", "volpath")
+METHODS = ("path", "direct", "volpath")  # volpathmis is a way to weight volpath
 
 Pixel = tuple[int, int]
 
 
 def is_traceable(description: SceneDescription) -> bool:
     """Tell whether the paths of a scene's colours are written down bounce by bounce."""
-    return _is_traced(_to_trace(description, None)[1])
-
-
-def _is_traced(plan: Plan) -> bool:
-    return plan.name in METHODS and not plan.mis_densities  # `volpathmis`: not
+    return _to_trace(description, None)[1].name in METHODS
 
 
 def _to_trace(description: SceneDescription, spp: int | None) -> tuple[Scene, Plan]:
@@ -86,11 +84,10 @@ class TracedPair:
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
         scene, plan = _to_trace(read_scene(request), request.spp)
         film = scene.description.camera.film
-        if not _is_traced(plan):
-            known = f"{', '.join(METHODS[:-1])} and {METHODS[-1]}"
+        if plan.name not in METHODS:
             raise NotTraceable(
-                f"{request.path}: a trace follows {known} with one sample at a point, not "
-                f"{'volpathmis' if plan.mis_densities else plan.name}"
+                f"{request.path}: a trace follows {', '.join(METHODS)} and volpathmis with "
+                f"one sample at a point, not {plan.name}"
             )
         self.size = (film.crop_width, film.crop_height)
         self.spp = plan.spp
@@ -145,12 +142,12 @@ class TracedPair:
     def trace_mitsuba(self, pixel: Pixel, sample: int) -> TracedPath:
         """Return Mitsuba's path alone; see `trace`."""
         answer = self._mitsuba_process().ask({"pixel": pixel, "sample": sample})
-        return path_from_json(answer)
+        return msgspec.convert(answer, TracedPath)
 
     def trace_all(self, pixel: Pixel) -> list[tuple[TracedPath, TracedPath]]:
         """Return our path and Mitsuba's of each sample; see `trace`."""
         answer = self._mitsuba_process().ask({"pixel": pixel, "sample": None})
-        theirs = map(path_from_json, answer["paths"])
+        theirs = msgspec.convert(answer["paths"], list[TracedPath])
         ours = (self.trace_ours(pixel, sample) for sample in range(self.spp))
         return list(zip(ours, theirs, strict=True))
 
@@ -179,6 +176,7 @@ class TracedPair:
                 "spp": request.spp,
                 "seed": request.seed,
                 "plugins": request.plugins,
+                "densities": self._plan.mis_densities,
             }
             self._mitsuba = VariantProcess(
                 "mitsuba_ref.replay.paths.mitsuba_trace_process",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.scatter import largest, survive
 from renderer.kernels.jit import call, kernel
 from renderer.kernels.lanes.functions import (
@@ -256,7 +256,9 @@ def hide_lamps(scene, work, count, in_media):
         ):
             end += 1
         if end > first:
-            reset_hits(hits, first, end - first)
+            for k in range(first, end):  # `reset_hits` would reset others in the same row
+                hits.t[k] = np.float32(np.inf)
+                hits.prim[k] = -1
             groups = scene.camera_groups
             intersect(groups, rays, hits, first, end - first, False, None)
         first = end + 1

@@ -112,7 +112,8 @@ def _turned_frame(bumped, wo):
     x = normalize(select3(there, dp_du, s))
     rest = x - local * dot(local, x)
     other, _ = orthonormal_basis(local)
-    return frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
+    frame, valid = frame_along(local, select3(dot(rest, rest) > _ALONG, x, other))
+    return frame, valid, valid
 
 
 BUMP_MAP = BsdfKind(

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
+from renderer.kernels.lanes.functions import (
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_mask,
+    sqrt,
+)
 from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
 from renderer.plugins.bsdfs.kind import (
     BsdfKind,
@@ -59,7 +66,11 @@ def read(properties: Any) -> Description:
 
 @interface
 def turned_frame(parameters: Any, wo: Any) -> Any:
-    """Return the frame of the nested BSDF in the local one, and the mask of valid ones."""
+    """Return the frame of the nested BSDF in the local one, and two masks.
+
+    The first is of valid frames. In the second a sampled direction keeps its density where
+    it is on the wrong side of the surface, and black. (In Mitsuba, under bump maps alone.)
+    """
 
 
 @kernel
@@ -93,7 +104,8 @@ def _turned_frame(mapped, wo):
     one, none = splat_f32(1.0), splat_f32(0.0)
     rgb = mapped.normalmap
     n = facing(mapped, wo, vec3(rgb.x * 2.0 - 1.0, rgb.y * 2.0 - 1.0, rgb.z * 2.0 - 1.0))
-    return frame_along(n, vec3(one, none, none))
+    frame, there = frame_along(n, vec3(one, none, none))
+    return frame, there, splat_mask(False)
 
 
 @kernel
@@ -108,7 +120,7 @@ def _shadowing(parameters, n, wi):
 @kernel
 def sample(turned, wo, numbers):
     """Sample the nested BSDF in its own frame."""
-    frame, there = turned_frame(turned, wo)
+    frame, there, below = turned_frame(turned, wo)
     chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
     possible = there & (wi.z * chosen.wi.z > 0.0)
@@ -116,7 +128,7 @@ def sample(turned, wo, numbers):
     return BsdfSample(
         wi,
         select3(possible, weight, black()),
-        select(possible, chosen.pdf, 0.0),
+        select(possible | below, chosen.pdf, 0.0),
         chosen.eta,
         chosen.lobe,
     )
@@ -125,7 +137,7 @@ def sample(turned, wo, numbers):
 @kernel
 def eval_pdf(turned, wo, wi):
     """Return f |cos| and pdf of the nested BSDF in its own frame."""
-    frame, there = turned_frame(turned, wo)
+    frame, there, _ = turned_frame(turned, wo)
     inner = to_local(frame, wi)
     f_cos, pdf = eval_pdf_nested(turned.nested, to_local(frame, wo), inner)
     possible = there & (wi.z * inner.z > 0.0)
@@ -136,7 +148,7 @@ def eval_pdf(turned, wo, wi):
 @kernel
 def normal(turned, wo):
     """Return the perturbed normal."""
-    frame, _ = turned_frame(turned, wo)
+    frame, _, _ = turned_frame(turned, wo)
     return frame.n
 
 

@@ -9,6 +9,7 @@ A proof.toml's `[replay]` table may stand next to a file as NAME.toml, with its 
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -48,6 +49,27 @@ def limits_of(scene):
 def test_a_plugin_takes_mitsubas_paths(scene, spp, references):
     request = scene_request(scene, NO_PROOF, Options())
     result, _, _ = replay_scene(request, spp, render_ours, references, limits_of(scene))
+    assert result.passed, result.sentence
+
+
+@pytest.mark.parametrize(
+    ("scene", "integrator"),
+    [
+        ("hidden_sky", "volpath"),  # lamps are hidden to rays that go straight on
+        ("hidden_sky", "volpathmis"),
+        ("bumpmap", "volpathmis"),  # draws once more where a path ends in black
+    ],
+)
+def test_a_plugin_takes_the_paths_of_another_integrator(
+    scene, integrator, references, tmp_path
+):
+    folder = shutil.copytree(SCENES[0].parent, tmp_path / "plugins")
+    changed = folder / f"{scene}.xml"
+    text = changed.read_text()
+    assert text.count('<integrator type="path">') == 1
+    changed.write_text(text.replace('type="path"', f'type="{integrator}"'))
+    request = scene_request(changed, NO_PROOF, Options())
+    result, _, _ = replay_scene(request, 16, render_ours, references)
     assert result.passed, result.sentence
 
 

@@ -5,6 +5,7 @@ The scenes of the plugins: nested media, grids, coloured extinction, null bounda
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from dataclasses import replace
 from itertools import product
@@ -19,10 +20,10 @@ from mitsuba_ref.our_renderer.steps_in_media import StepsInMedia
 from mitsuba_ref.our_renderer.traced_path import COLLISION, ENDED, WHITE, TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.replay.paths.path_comparison import compare_paths, first_difference
-from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
+from mitsuba_ref.replay.paths.traced_pair import TracedPair
 
 PLUGINS = Path(__file__).parents[2] / "plugins"
-SCENES = ("heterogeneous", "volpath", "medium_of_camera")
+SCENES = ("heterogeneous", "volpath", "medium_of_camera", "volpathmis")
 PIXELS = tuple(product(range(4, 40, 9), range(5, 30, 7)))
 
 
@@ -101,9 +102,31 @@ def test_a_defect_in_a_flight_is_named(monkeypatch, capsys):
     assert "Not within rounding" in output
 
 
-def test_which_paths_in_media_are_traced():
-    """`volpathmis` carries more than a throughput."""
-    text = (PLUGINS / "volpath.xml").read_text()
-    for name, traced in (("volpath", True), ("volpathmis", False)):
-        scene = renderer.load_string(text.replace("volpath", name))
-        assert is_traceable(scene.description) == traced
+@pytest.fixture(params=["true", "false"])
+def spectral_scene(request, tmp_path):
+    """`volpathmis` with the densities of all colours, or with one."""
+    folder = shutil.copytree(PLUGINS, tmp_path / "plugins")
+    scene = folder / "volpathmis.xml"
+    kept = f'<boolean name="use_spectral_mis" value="{request.param}"/>'
+    text = scene.read_text().replace("</integrator>", kept + "</integrator>", 1)
+    scene.write_text(text)
+    return scene
+
+
+def test_a_wrong_weight_of_volpathmis_is_named(spectral_scene, monkeypatch, capsys):
+    """Light samples are expected at 0.9 of their weight: at the first bounce."""
+    trace = [str(spectral_scene), "--trace", "20,27", "--spp", "1"]
+    assert main(trace) == 0
+    assert "lit throughput after" in capsys.readouterr().out
+    real = StepsInMedia._scattered
+
+    def darker(self, tile, *given):
+        scattered = real(self, tile, *given)
+        self._weights_at(tile)[1] *= 0.9
+        return scattered and replace(scattered, weights=self._weights(tile))
+
+    monkeypatch.setattr(StepsInMedia, "_scattered", darker)
+    assert main(trace) == 1
+    output = capsys.readouterr().out
+    assert "First difference at bounce 0: lit throughput after" in output
+    assert "Not within rounding" in output

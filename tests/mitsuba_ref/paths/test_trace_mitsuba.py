@@ -37,11 +37,11 @@ def integrator(**parameters):
     return load_mitsuba().load_dict({"block_size": BLOCK, **parameters})
 
 
-def errors(scene, method, spp: int) -> np.ndarray:
+def errors(scene, method, spp: int, densities: int = 3) -> np.ndarray:
     """Return the largest relative difference of each pixel between tracer and picture."""
     picture = load_mitsuba().render(scene, integrator=method, spp=spp, seed=SEED)
     picture = np.array(picture)[..., :3]
-    tracer = tracer_of(scene, spp, method)
+    tracer = tracer_of(scene, spp, method, densities)
     height, width = picture.shape[:2]
     seeds = pixel_seeds(width, height, SEED, BLOCK)
     assert np.ptp(picture) > 0.0
@@ -91,6 +91,18 @@ def test_traced_radiance_in_media_is_the_pixel(scene, hide):
     method = integrator(type="volpath", max_depth=12, hide_emitters=hide)
     spp = loaded.sensors()[0].sampler().sample_count()
     assert errors(loaded, method, spp).max() < 1e-5
+
+
+@pytest.mark.parametrize("hide", [False, True])
+@pytest.mark.parametrize("spectral", [True, False])
+@pytest.mark.parametrize("scene", ["volpathmis", "medium_of_camera"])
+def test_traced_radiance_of_volpathmis_is_the_pixel(scene, spectral, hide):
+    """The same with the weights of all densities and of one."""
+    loaded = load(PLUGINS / f"{scene}.xml", 1)
+    options = {"use_spectral_mis": spectral, "hide_emitters": hide}
+    method = integrator(type="volpathmis", max_depth=12, rr_depth=2, **options)
+    spp = loaded.sensors()[0].sampler().sample_count()
+    assert errors(loaded, method, spp, 3 if spectral else 1).max() < 1e-5
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,25 @@ def test_lights_behind_a_hole_though_lights_are_hidden(integrator, behind):
         assert mitsuba_replay(content) == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_mirror_with_holes_shows_lamps_though_they_are_hidden():
+    """Half of the samples see a lamp of radiance 2 in the mirror, half a hidden one.
+
+    The latter rays are traced again without lamps, in between those from the mirror; half
+    of the light was lost when that erased the hits of their neighbours.
+    """
+    pane = mask(0.5, {"type": "conductor", "material": "none"})
+    lamps = [
+        rectangle((0, 0, -side), (9 * side, 0, 0), (0, 9, 0), NULL, shine=2.0)
+        for side in (1, -5)
+    ]
+    camera = sensor((0, 0, 3), (0, 0, 0), up=(0, 1, 0), fov=40, size=(16, 16), spp=16)
+    holes = rectangle((0, 0, 0), (9, 0, 0), (0, 9, 0), pane)
+    content = scene(camera, "volpath", holes, *lamps, max_depth=2, hide_emitters=True)
+    ours = np.asarray(renderer.render(renderer.load_dict(content)))
+    assert ours.mean() == pytest.approx(1.0, abs=5 / 64)  # 5 standard deviations
+    assert mitsuba_replay(content).mean() == pytest.approx(1.0, abs=5 / 64)
+
+
 # ------------------------------------------------------- the same random numbers
 
 LIGHTS = {
