@@ -26,9 +26,10 @@ from mitsuba_ref.replay.paths.path_comparison import (
     value_text,
 )
 
-EXACT = 1e-5
-"""Relative: what one step of both renderers, from the same ray, may differ by anyway: as
-much as the RMSE of a whole picture may. (Measured: 4e-6 in coats and textures.)"""
+EXACT = 1.5e-5
+"""Relative: what one step of both renderers, from the same ray, may differ by anyway.
+(Measured: 4e-6 in coats and textures, 1.02e-5 in a coat of roughness 0.01, whose lobe
+changes by that where the chosen direction differs by 8e-8.)"""
 
 PLACED = 2e-6
 """The same of points and directions."""
