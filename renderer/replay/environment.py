@@ -268,9 +268,8 @@ def _sample(sky, kind, light, mask, position, x, y, z):
     turned = maximum(fabs(apart.x), maximum(fabs(apart.y), fabs(apart.z)))
     wi = select3(turned <= _TURNED, wi, own_wi)
     sine = select(fabs(sine - own_sine) <= _TURNED, sine, own_sine)
-    return distant_sample(
-        own, wi, _radiance(own, u, v, mask), by_solid_angle(density, sine)
-    )
+    pdf = by_solid_angle(density, sine)
+    return distant_sample(own, position, wi, _radiance(own, u, v, mask), pdf)
 
 
 @environment_light.by(RoundedEnvironment)

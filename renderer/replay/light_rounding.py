@@ -21,7 +21,7 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import gather_rows3, gather_vectors, length
-from renderer.plugins.lights.kind import sample_light
+from renderer.plugins.lights.kind import SphereAround, sample_light
 from renderer.plugins.lights.spot import SpotLights, axis_cosine, falling_off, spot_falloff
 from renderer.plugins.shapes.triangle import choose_triangle
 from renderer.plugins.textures.kind import LUMINANCE
@@ -30,6 +30,20 @@ from renderer.replay.arithmetic import Floats, arccos_as_mitsuba, fused, fused_i
 from renderer.replay.exact_hits import triangle_areas
 from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture, SpotLight
+
+# ------------------------------------------------------------------------------ distant
+
+
+def sphere_around(bounds: NDArray[np.float64], ray_epsilon: float) -> SphereAround:
+    """Return Mitsuba's sphere around a scene with the given corners (2, 3).
+
+    Light samples of lights at infinity end two radii away (`distance_beyond`).
+    """
+    low, high = bounds.astype(np.float32)
+    center = np.float32(0.5) * (low + high)
+    radius = np.linalg.norm(center - high) * np.float32(1.0 + ray_epsilon)
+    return SphereAround(center, max(float(radius), ray_epsilon))
+
 
 # -------------------------------------------------------------------------------- spots
 # Spot lights in a replay: Mitsuba's computation of the angle from the axis.

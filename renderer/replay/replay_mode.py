@@ -23,7 +23,12 @@ from renderer.replay.directions import AsMitsuba
 from renderer.replay.environment import rounded_environment
 from renderer.replay.exact_hits import face_normals, triangle_tangents
 from renderer.replay.hit_points import hooks_of_hits
-from renderer.replay.light_rounding import rounded_shares, rounded_spots, triangle_shares
+from renderer.replay.light_rounding import (
+    rounded_shares,
+    rounded_spots,
+    sphere_around,
+    triangle_shares,
+)
 from renderer.replay.media.carried import OfThroughput
 from renderer.replay.media.record import ROWS_IN_MEDIA, in_order
 from renderer.replay.media.spectral_mis import ROWS_OF_MIS, OfBothWays
@@ -217,14 +222,18 @@ class Replayed:
         return triangle_shares(count, surfaces, tables)
 
     def lights(self, scene: Scene, lights: LightTables) -> LightTables:
-        """Return the lights with Mitsuba's rounding of environment maps and spot lights."""
+        """Return the lights with Mitsuba's rounding, and its sphere around the scene."""
         description = scene.description
         skies = [sky for sky in description.emitters if isinstance(sky, EnvironmentMap)]
         order = light_order(description).of_emitters
         pairs = zip(order, description.emitters, strict=True)
         spots = {i: spot for i, spot in pairs if isinstance(spot, SpotLight)}
 
+        around = sphere_around(scene.bounds, self.arithmetic.ray_epsilon)
+
         def rounded(table: Any) -> Any:
+            if "around" in getattr(table, "_fields", ()):
+                table = table._replace(around=around)
             if isinstance(table, EnvironmentMaps):
                 return rounded_environment(table, skies[0])
             return rounded_spots(table, spots) if isinstance(table, SpotLights) else table

@@ -16,7 +16,7 @@ from renderer.plugins.bsdfs.kind import BsdfKind
 from renderer.plugins.lights.area import AreaLights
 from renderer.plugins.lights.environment import environment_light
 from renderer.plugins.lights.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
-from renderer.plugins.lights.kind import number_column, vector_columns
+from renderer.plugins.lights.kind import SphereAround, number_column, vector_columns
 from renderer.plugins.lights.light_tree import LightBounds, on_surface
 from renderer.plugins.lights.registry import LIGHTS, plugin_of
 from renderer.plugins.lights.texel_choice import uv_choice
@@ -125,8 +125,9 @@ def light_tables(
     others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
     shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
     count = len(shining) + len(others)
-    # an upper bound of the distance between any two points of the scene
-    beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
+    low, high = scene.bounds
+    radius = float(np.linalg.norm(high - low)) + 0.5
+    around = SphereAround((0.5 * (low + high)).astype(np.float32), radius)
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []
 
@@ -139,7 +140,7 @@ def light_tables(
         for lights, textures in _by_texture(count, scene, mine, plugin.texture):
             further = (textures,) if plugin.texture else ()
             assert plugin.table is not None
-            add(lights, plugin.table(count, lights, beyond, *further))
+            add(lights, plugin.table(count, lights, around, *further))
     of_shapes = primitives_of_shapes(scene)
     primitives = {light: of_shapes[shape] for light, shape in shining.items()}
     shapes = scene.description.shapes

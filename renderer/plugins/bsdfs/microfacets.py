@@ -116,7 +116,10 @@ def _any_normal(facets, numbers):
 @kernel
 def _visible_normal(facets, wo, numbers):
     """Sample the normals visible from wo: stretch to alpha 1, sample a slope, unstretch."""
-    v = normalize(vec3(facets.alpha_u * wo.x, facets.alpha_v * wo.y, wo.z))
+    v = vec3(facets.alpha_u * wo.x, facets.alpha_v * wo.y, wo.z)
+    # Mitsuba's order of summation. The sine of a polished surface is one of few numbers:
+    # it comes from the last bits of v.z.
+    v = v * (1.0 / sqrt((v.x * v.x + v.z * v.z) + v.y * v.y))
     across2 = v.x * v.x + v.y * v.y
     flat = across2 <= _FLAT2
     scale = 1.0 / sqrt(across2)

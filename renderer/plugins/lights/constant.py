@@ -14,6 +14,8 @@ from renderer.plugins.lights.environment import environment_light
 from renderer.plugins.lights.kind import (
     LightPlugin,
     LightSample,
+    SphereAround,
+    distance_beyond,
     sample_light,
     vector_columns,
 )
@@ -31,7 +33,7 @@ class ConstantLights(NamedTuple):
     """The environment; at most one."""
 
     radiance: NDArray[np.float32]  # (4, 1)
-    distance: float  # of light samples: beyond the whole scene
+    around: SphereAround
 
 
 def read(properties: Any) -> ConstantLight:
@@ -41,10 +43,12 @@ def read(properties: Any) -> ConstantLight:
     return ConstantLight(read_color(properties, "radiance", 1.0, Use.EMISSION))
 
 
-def table(count: int, lights: dict[int, ConstantLight], beyond: float) -> ConstantLights:
+def table(
+    count: int, lights: dict[int, ConstantLight], around: SphereAround
+) -> ConstantLights:
     """Return the lights as columns."""
     (sky,) = lights.values()
-    return ConstantLights(vector_columns(1, {0: sky.radiance}), beyond)
+    return ConstantLights(vector_columns(1, {0: sky.radiance}), around)
 
 
 def bounds(light: ConstantLight) -> LightBounds:
@@ -59,7 +63,7 @@ def sample_constant(constants, kind, light, mask, position, x, y, z):
 
     On a surface, half of the samples are below the horizon.
     """
-    distance = splat_f32(np.float32(constants.distance))
+    distance = distance_beyond(constants.around, position)
     radiance = column(constants.radiance, 0) * splat_f32(_FOUR_PI)
     return LightSample(square_to_sphere(x, y), distance, radiance, splat_f32(SPHERE_PDF))
 

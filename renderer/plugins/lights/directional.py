@@ -14,6 +14,8 @@ from renderer.plugins.lights.kind import (
     STRETCH,
     LightPlugin,
     LightSample,
+    SphereAround,
+    distance_beyond,
     one_of,
     sample_light,
     vector_columns,
@@ -29,7 +31,7 @@ class DirectionalLights(NamedTuple):
 
     to_light: NDArray[np.float32]  # (4, n) unit
     irradiance: NDArray[np.float32]  # (4, n)
-    distance: float  # of light samples: beyond the whole scene
+    around: SphereAround
 
 
 def read(properties: Any) -> DirectionalLight:
@@ -53,7 +55,7 @@ def read(properties: Any) -> DirectionalLight:
 
 
 def table(
-    count: int, lights: dict[int, DirectionalLight], beyond: float
+    count: int, lights: dict[int, DirectionalLight], around: SphereAround
 ) -> DirectionalLights:
     """Return the lights as columns."""
     to_light = {
@@ -61,7 +63,7 @@ def table(
     }
     irradiance = {i: e.irradiance for i, e in lights.items()}
     return DirectionalLights(
-        vector_columns(count, to_light), vector_columns(count, irradiance), beyond
+        vector_columns(count, to_light), vector_columns(count, irradiance), around
     )
 
 
@@ -73,10 +75,10 @@ def bounds(light: DirectionalLight) -> LightBounds:
 @sample_light.by(DirectionalLights)
 @kernel
 def sample_directional(directionals, kind, light, mask, position, x, y, z):
-    """Return the direction to the light, at a distance beyond the scene."""
+    """Return the direction to the light, and a distance beyond the scene."""
     wi = gather_vectors(directionals.to_light, light, mask)
     irradiance = gather_vectors(directionals.irradiance, light, mask)
-    distance = splat_f32(np.float32(directionals.distance))
+    distance = distance_beyond(directionals.around, position)
     return LightSample(wi, distance, irradiance, splat_f32(0.0))
 
 

@@ -16,6 +16,7 @@ from renderer.plugins.lights.kind import (
     LightSample,
     add_lanes,
     bsdf_sample_weight,
+    distance_beyond,
     light_probability,
 )
 
@@ -42,7 +43,7 @@ def rotated(matrix, d):
 
 
 @kernel
-def distant_sample(sky, wi, radiance, pdf):
+def distant_sample(sky, position, wi, radiance, pdf):
     """Return light samples for directions: radiance over pdf [1/sr].
 
     Where the pdf is NaN or 0 the sample is 0.
@@ -52,7 +53,7 @@ def distant_sample(sky, wi, radiance, pdf):
     radiance = radiance * (1.0 / select(usable, pdf, splat_f32(1.0)))
     black = splat_f32(0.0)
     radiance = select3(usable, radiance, vec3(black, black, black))
-    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
+    return LightSample(wi, distance_beyond(sky.around, position), radiance, pdf)
 
 
 # -------------------------------------------------------------------------------- light

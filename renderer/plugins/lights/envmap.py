@@ -32,7 +32,7 @@ from renderer.plugins.lights.environment import (
     read_rotation,
     rotated,
 )
-from renderer.plugins.lights.kind import LightPlugin, sample_light
+from renderer.plugins.lights.kind import LightPlugin, SphereAround, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
 from renderer.plugins.lights.sky_by_place import (
     NOWHERE,
@@ -78,7 +78,7 @@ class EnvironmentMaps(NamedTuple):
     to_local: NDArray[np.float32]  # (3, 3) its inverse; files round their rotations
     warp: Warp  # samples (u - half a texel, v)
     places: SkyByPlace  # visibility of the environment by position
-    distance: float  # of light samples: beyond the whole scene
+    around: SphereAround
 
     @property
     def sun_direction(self) -> None:
@@ -156,7 +156,9 @@ def importance(
     return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
 
 
-def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> EnvironmentMaps:
+def table(
+    count: int, lights: dict[int, EnvironmentMap], around: SphereAround
+) -> EnvironmentMaps:
     """Return the environment as the kernels see it."""
     (sky,) = lights.values()
     around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
@@ -170,7 +172,7 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
         np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
         _warp_of(sky),
         NOWHERE,
-        beyond,
+        around,
     )
 
 
@@ -273,7 +275,7 @@ def _sample_envmap(sky, kind, light, mask, position, x, y, z):
     wi, sine = sphere_point(sky, u, v)
     across, down = texel_place(sky, u, v)
     radiance = texel_radiance(sky, across, down, mask)
-    return distant_sample(sky, wi, radiance, by_solid_angle(density, sine))
+    return distant_sample(sky, position, wi, radiance, by_solid_angle(density, sine))
 
 
 @environment_light.by(EnvironmentMaps)

@@ -18,11 +18,12 @@ from renderer.kernels.lanes.functions import (
     lane,
     lowest_bit,
     mask_bits,
+    maximum,
     select,
     splat_f32,
 )
 from renderer.kernels.lanes.memory import gather_row, load_row, store_where
-from renderer.kernels.lanes.vectors import load3, store3_where
+from renderer.kernels.lanes.vectors import length, load3, store3_where, vec3
 from renderer.plugins.lights.light_tree import LightBounds
 from renderer.plugins.sampling.numbers_and_warps import power_heuristic
 
@@ -115,6 +116,25 @@ class LightSample(NamedTuple):
     pdf: Any  # [1/sr] of wi given the light; 0 for a delta light
 
 
+class SphereAround(NamedTuple):
+    """A sphere around all surfaces; lights at infinity are beyond it."""
+
+    center: NDArray[np.float32]  # (3,)
+    radius: float
+
+
+@kernel
+def distance_beyond(around, position):
+    """Return lengths at which rays from 16 points have left the sphere in any direction.
+
+    As in Mitsuba, where a shadow ray starts off the surface and ends at this distance from
+    the surface: the length changes its direction by more than rounding.
+    """
+    center = vec3(around.center[0], around.center[1], around.center[2])
+    radius = splat_f32(np.float32(around.radius))
+    return 2.0 * maximum(length(position - center), radius)
+
+
 class LightKind(NamedTuple):
     """Arguments of the kernels of one kind of light."""
 
@@ -138,7 +158,7 @@ class LightPlugin:
     read
         Function of the properties of a file that returns the description.
     table
-        (number of all lights, {light id: description}, a distance beyond the scene) ->
+        (number of all lights, {light id: description}, a sphere around the scene) ->
         the record of the kind, columns by light id. For a kind with textures, a further
         argument is the `LightTextures` or None.
     at_infinity

@@ -13,6 +13,7 @@ from renderer.kernels.lanes.vectors import dot, gather_vectors, length
 from renderer.plugins.lights.kind import (
     LightPlugin,
     LightSample,
+    SphereAround,
     one_of,
     sample_light,
     vector_columns,
@@ -41,7 +42,7 @@ def read(properties: Any) -> PointLight:
     return PointLight(position, read_color(properties, "intensity", 1.0, Use.EMISSION))
 
 
-def table(count: int, lights: dict[int, PointLight], beyond: float) -> PointLights:
+def table(count: int, lights: dict[int, PointLight], around: SphereAround) -> PointLights:
     """Return the lights as columns."""
     return PointLights(
         vector_columns(count, {i: e.position for i, e in lights.items()}),

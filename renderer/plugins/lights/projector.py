@@ -19,6 +19,7 @@ from renderer.plugins.lights.kind import (
     STRETCH,
     LightPlugin,
     LightSample,
+    SphereAround,
     number_column,
     sample_light,
     vector_columns,
@@ -62,7 +63,7 @@ def read(properties: Any) -> Projector:
 
 
 def table(
-    count: int, lights: dict[int, Projector], beyond: float, textures: LightTextures
+    count: int, lights: dict[int, Projector], around: SphereAround, textures: LightTextures
 ) -> Projectors:
     """Return the lights as columns."""
     widths = {i: 2.0 * np.tan(np.radians(0.5 * e.fov_x)) for i, e in lights.items()}

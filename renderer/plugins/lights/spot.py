@@ -16,6 +16,7 @@ from renderer.plugins.lights.kind import (
     STRETCH,
     LightPlugin,
     LightSample,
+    SphereAround,
     number_column,
     sample_light,
     vector_columns,
@@ -80,7 +81,7 @@ def read(properties: Any) -> SpotLight:
 def table(
     count: int,
     lights: dict[int, SpotLight],
-    beyond: float,
+    around: SphereAround,
     textures: LightTextures | None,
 ) -> SpotLights:
     """Return the lights as columns."""

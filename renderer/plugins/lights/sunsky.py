@@ -51,7 +51,7 @@ from renderer.plugins.lights.environment import (
     read_rotation,
     rotated,
 )
-from renderer.plugins.lights.kind import LightPlugin, sample_light
+from renderer.plugins.lights.kind import LightPlugin, SphereAround, sample_light
 from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
 from renderer.plugins.lights.sky_by_place import (
     NOWHERE,
@@ -142,7 +142,7 @@ class SunSkies(NamedTuple):
     places: SkyByPlace  # visibility of the sky by position
     to_world: NDArray[np.float32]  # (3, 3) a rotation
     to_local: NDArray[np.float32]  # (3, 3) its inverse; files round their rotations
-    distance: float  # of light samples: beyond the whole scene
+    around: SphereAround
 
     def directions(self, u: Floats, v: Floats) -> Floats:
         """Return the world space directions (3, n) of points of the warp's square."""
@@ -162,7 +162,7 @@ class SunSkies(NamedTuple):
         return self._replace(places=sky_by_place(self.warp, cells, seen, sun, self.share))
 
 
-def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
+def table(count: int, lights: dict[int, SunSky], around: SphereAround) -> SunSkies:
     """Return the environment as the kernels see it."""
     (light,) = lights.values()
     sky = make_sky(light)
@@ -187,7 +187,7 @@ def table(count: int, lights: dict[int, SunSky], beyond: float) -> SunSkies:
         NOWHERE,
         np.ascontiguousarray(rotation, np.float32),
         np.ascontiguousarray(np.linalg.inv(rotation), np.float32),
-        beyond,
+        around,
     )
 
 
@@ -399,7 +399,7 @@ def _sample_sunsky(sky, kind, light, mask, position, x, y, z):
         in_sky = _in_sky(sky.lobes, x, y)
     local = select3(of_sky, in_sky, _in_sun(sky, x, y))
     radiance, pdf = _look_up(sky, position, local, ~of_sky, mask)
-    return distant_sample(sky, rotated(sky.to_world, local), radiance, pdf)
+    return distant_sample(sky, position, rotated(sky.to_world, local), radiance, pdf)
 
 
 @environment_light.by(SunSkies)

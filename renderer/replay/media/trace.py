@@ -81,6 +81,7 @@ from renderer.replay.sequences import BSDF, BSDF_CHOICE
 # value of `bounce` for `scatter`: the roulette was played before the flight
 _NO_ROULETTE = np.int64(-1)
 _NO_LAST = np.int64(1 << 30)  # of a depth: paths end before the flight
+_INFINITE = np.float32(np.inf)
 
 
 @method_kernel
@@ -172,11 +173,13 @@ def draw_lights(order, tile, sample, work, count, collisions):
 def _wanted(order, tile, samples, slot, i, valid):
     """Return the lanes whose light samples Mitsuba traces a shadow ray for.
 
-    These are all with a nonzero density, even if the light or the BSDF is black.
+    These are all with a nonzero density, even if the light or the BSDF is black. In the
+    plane of a lamp the density is infinite, for which Mitsuba sets 0.
     """
     light, radiance = load_row(samples.light, 0, i), load3(samples.radiance, i)
     some = fabs(radiance.x) + fabs(radiance.y) + fabs(radiance.z) > 0.0
-    some = some | (load_row(samples.pdf, 0, i) > 0.0)
+    pdf = load_row(samples.pdf, 0, i)
+    some = some | ((pdf > 0.0) & (pdf < _INFINITE))
     some = some | (gather_row(order.delta, 0, light, valid) != 0)
     pixel = pixels_of(tile, slot)
     return valid & some & (gather_row(order.replay.numbers, PASSED, pixel, valid) == TO_DO)

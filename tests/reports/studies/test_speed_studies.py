@@ -239,6 +239,8 @@ def test_errors_of_options_are_their_variances() -> None:
     assert np.mean(errors[options.DEFAULT]) == pytest.approx(0.0025, rel=0.05)
     assert np.mean(errors["noisy"]) == pytest.approx(0.01, rel=0.05)
     seconds = {options.DEFAULT: [2.0, 2.0, 2.0], "noisy": [1.0, 1.0, 1.0]}
+    variances = [options.median_variance(each) for each in pictures.values()]
+    assert variances[1] / variances[0] == pytest.approx(4.0, rel=0.1)
     value, (low, high) = options.speed(errors, seconds, "noisy")
     assert value == pytest.approx(0.5, rel=0.1) and low < value < high
 
