@@ -87,6 +87,7 @@ BSDFS: dict[str, dict[str, Any]] = {
     "principled": {"base_color": RED, "roughness": 0.4, "clearcoat": 1.0},
     "principledthin": {"base_color": RED, "roughness": 0.4, "diff_trans": 1.0},
     "merl": {"filename": str(SCENES / "measured-ball" / "measured" / "bronze.binary")},
+    "measured": {"filename": str(ROOT / "tests" / "plugins" / "copper_rgb.bsdf")},
     "null": {},
     "polarizer": {},
     "circular": {"transmittance": RED},
@@ -154,7 +155,7 @@ def ball(bsdf: dict[str, Any]) -> Floats:
             "bsdf": bsdf,
         },
     }
-    loaded = renderer.load_dict(scene, allow_outside=SCENES)
+    loaded = renderer.load_dict(scene, allow_outside=ROOT)
     return renderer.render(loaded, spp=256, sampler="multijitter").pixels
 
 

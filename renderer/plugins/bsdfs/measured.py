@@ -133,9 +133,7 @@ def _folded(material, wo, v):
 def _view(material, wo):
     folded = _folded(material, wo, wo)
     theta, phi = _angles(folded)
-    return View(
-        folded, phi, theta, slices_at(material.phi_i, material.theta_i, phi, theta)
-    )
+    return View(folded, phi, theta, slices_at(material.phi_i, material.theta_i, phi, theta))
 
 
 @kernel

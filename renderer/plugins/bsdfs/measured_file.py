@@ -124,13 +124,13 @@ def _check(file: TensorFile) -> None:
     """Refuse a file whose fields do not fit, before any is read."""
     if "wavelengths" in file.fields:
         raise file.error(
-            "has spectra over wavelengths; this renderer and `scalar_rgb` read colours: the "
-            "file of the same material that ends with _rgb.bsdf"
+            "has spectra over wavelengths; as in Mitsuba's scalar_rgb colours are needed: "
+            "the file of the same material whose name ends with _rgb.bsdf"
         )
     if missing := [name for name in _FIELDS if name not in file.fields]:
         raise file.error(
-            f"has no field {', '.join(missing)}; it has {', '.join(file.fields) or 'none'}; "
-            f"needed are {', '.join(_FIELDS)}"
+            f"has no field {', '.join(missing)}; it has "
+            f"{', '.join(file.fields) or 'none'}; needed are {', '.join(_FIELDS)}"
         )
     for name, (kind, rank) in _FIELDS.items():
         field = file.fields[name]

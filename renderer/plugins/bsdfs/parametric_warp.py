@@ -200,7 +200,7 @@ def _integral_of_segment(place, count, first, last):
 
 @kernel
 def sample_density(density, slices, x, y):
-    """Return the place (x, y) in [0, 1]^2 that two numbers are warped to, and its density."""
+    """Return the place in [0, 1]^2 that two numbers are warped to, and its density."""
     height, width = _sizes(density.values)
     x, y = (
         minimum(maximum(x, _NEAR_0), _NEAR_1),

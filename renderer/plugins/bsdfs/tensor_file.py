@@ -1,7 +1,7 @@
-"""Files of named arrays, the `tensor_file` format of measured materials [Dupuy2018].
+r"""Files of named arrays, the `tensor_file` format of measured materials [Dupuy2018].
 
-After "tensor_file\\0", two bytes of version and the number of fields, each field has a name,
-a rank, a type, the offset of its numbers in the file, and its size along each axis.
+After "tensor_file\0", two bytes of version and the number of fields, each field has a
+name, a rank, a type, the offset of its numbers in the file, and its size along each axis.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class TensorFile:
         self._size = path.stat().st_size
         start = file.read(len(_MAGIC))
         if start != _MAGIC:
-            raise self.error(f'begins with {start!r}; expected "tensor_file" of version 1.0')
+            raise self.error(
+                f'begins with {start!r}; expected "tensor_file" of version 1.0'
+            )
         (count,) = self._unpack("I")
         if count > _MOST_FIELDS:
             raise self.error(f"{count} fields; at most {_MOST_FIELDS} are possible")
@@ -60,7 +62,8 @@ class TensorFile:
         for _ in range(count):
             (length,) = self._unpack("H")
             (name,) = self._unpack(f"{length}s")
-            self.fields[name.decode("utf-8", "backslashreplace")] = self._read_field(name)
+            shown = repr(name[:40])[2:-1]  # bytes that cannot be printed are escaped
+            self.fields[shown] = self._read_field(shown)
 
     def error(self, what: str) -> SceneError:
         """Return the error that the file is wrong."""
@@ -73,22 +76,22 @@ class TensorFile:
         content = self._file.read(_bytes_of(field))
         return np.frombuffer(content, field.type).reshape(field.shape)
 
-    def _read_field(self, name: bytes) -> Field:
+    def _read_field(self, name: str) -> Field:
         rank, kind, offset = self._unpack("HBQ")
         if kind not in _TYPES or rank > _MOST_AXES:
             raise self.error(
-                f"field {name!r} is of type {kind} and rank {rank}; possible are types 1 to "
-                f"{max(_TYPES)} and ranks up to {_MOST_AXES}"
+                f'field "{name}" is of type {kind} and rank {rank}; possible are types 1 '
+                f"to {max(_TYPES)} and ranks up to {_MOST_AXES}"
             )
         field = Field(_TYPES[kind], offset, self._unpack(f"{rank}Q"))
         shown = " x ".join(map(str, field.shape))
         if math.prod(field.shape) > MOST_NUMBERS:
             raise self.error(
-                f"field {name!r} has {shown} numbers; at most {MOST_NUMBERS} are possible"
+                f'field "{name}" has {shown} numbers; at most {MOST_NUMBERS} are possible'
             )
         if (end := offset + _bytes_of(field)) > self._size:
             raise self.error(
-                f"field {name!r} of {shown} numbers ends at byte {end}; the file has "
+                f'field "{name}" of {shown} numbers ends at byte {end}; the file has '
                 f"{self._size} bytes"
             )
         return field
