@@ -30,6 +30,7 @@ SCENES = ROOT / "scenes"
 HEIGHT = 225  # [pixels] of a scene
 BALL = 144  # [pixels] of both sides
 QUALITY = 84  # of JPEG
+QUALITY_OF_BALLS = 60  # all pictures together stay below 500 kB
 GAP = 6  # [pixels] between the parts of a strip
 
 Floats = NDArray[Any]
@@ -304,7 +305,8 @@ def save(name: str, pixels: Floats) -> None:
     """Write a picture; NaN, between parts of a strip, is white."""
     between = np.isnan(pixels)
     picture = encode_png(np.where(between, 1.0, pixels).astype(np.float32))
-    picture.convert("RGB").save(PICTURES / f"{name}.jpg", quality=QUALITY, optimize=True)
+    quality = QUALITY_OF_BALLS if name.startswith("bsdf-") else QUALITY
+    picture.convert("RGB").save(PICTURES / f"{name}.jpg", quality=quality, optimize=True)
 
 
 if __name__ == "__main__":
