@@ -84,7 +84,7 @@ class MeasuredMaterial:
         """Return how often the range of `phi_i` fits in a full turn; isotropic: 1."""
         if self.isotropic:
             return 1
-        return round(2.0 * np.pi / float(self.phi_i[-1] - self.phi_i[0]))
+        return round(2.0 * np.pi / (float(self.phi_i[-1]) - float(self.phi_i[0])))
 
 
 def read_measured(path: Path) -> MeasuredMaterial:
@@ -106,8 +106,12 @@ def read_measured(path: Path) -> MeasuredMaterial:
         if not np.isfinite(fields[name]).all():
             raise content.error(f"{name}: found an infinity or what is not a number")
     for name in ("phi_i", "theta_i"):
-        if not (np.diff(fields[name]) > 0.0).all():
-            raise content.error(f"{name}: found {fields[name]}; expected increasing angles")
+        steps = np.diff(fields[name].astype(np.float64))
+        for k in np.flatnonzero(steps <= 0.0)[:1]:
+            before, after = fields[name][k : k + 2]
+            raise content.error(
+                f"{name}: found {after} after {before}; expected increasing angles"
+            )
     for name in _IMAGES[:-1]:  # colours outside of the gamut are negative
         if (lowest := fields[name].min()) < 0.0:
             raise content.error(f"{name}: found {lowest}; expected no negative numbers")
@@ -115,7 +119,10 @@ def read_measured(path: Path) -> MeasuredMaterial:
     for name in _DENSITIES:
         densities[name] = _normalized(fields[name])
         if densities[name] is None:
-            raise content.error(f"{name}: found a density that integrates to 0")
+            raise content.error(
+                f"{name}: found a density that integrates to 0 or overflows; expected a "
+                "positive integral for each pair of angles"
+            )
     images = {name: fields[name] for name in ("phi_i", "theta_i", "ndf", "sigma", "rgb")}
     return MeasuredMaterial(**images, **densities, jacobian=bool(fields["jacobian"][0]))
 

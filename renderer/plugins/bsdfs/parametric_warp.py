@@ -117,7 +117,7 @@ def _entry(table, slices, size, i):
 
 @kernel
 def _sizes(table):
-    """Return rows and columns; 0 where there is no table, as beyond the last point."""
+    """Return the numbers of rows and columns."""
     return to_i32(entry_of(table, splat_i32(0))), to_i32(entry_of(table, splat_i32(1)))
 
 

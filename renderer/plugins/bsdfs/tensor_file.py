@@ -25,8 +25,8 @@ _TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8:
 }
 _MOST_FIELDS, _MOST_AXES = 256, 8
 
-MOST_NUMBERS = 1 << 26
-"""Of one field; kernels index tables with 32 bits."""
+MOST_NUMBERS = 1 << 24
+"""Largest size of a field, for tables of several materials to be indexed with 32 bits."""
 
 
 class Field(NamedTuple):
@@ -74,6 +74,8 @@ class TensorFile:
         field = self.fields[name]
         self._file.seek(field.offset)
         content = self._file.read(_bytes_of(field))
+        if len(content) < _bytes_of(field):
+            raise self.error(f'ends within the field "{name}"')
         return np.frombuffer(content, field.type).reshape(field.shape)
 
     def _read_field(self, name: str) -> Field:
