@@ -124,7 +124,7 @@ class Limits(NamedTuple):
 # sample divides by what eval multiplies with, and its normals have rounded slopes
 EVAL, SAMPLE = Limits(2e-5, 3e-3), Limits(1e-4, 4e-2)
 # of directions; Mitsuba subtracts roots of nearly equal numbers in nearly even tables
-AWAY, AWAY_MEASURED = Limits(2e-6, 1e-3), Limits(1e-4, 5e-3)
+AWAY, AWAY_MEASURED = Limits(2e-6, 1e-3), Limits(5e-5, 1e-3)
 
 
 def assert_close(ours: Any, theirs: Any, limits: Limits) -> None:

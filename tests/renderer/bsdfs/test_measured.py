@@ -223,7 +223,7 @@ def test_mitsubas_values_densities_and_samples(name, files):
     """Isotropic or not, with the azimuths of a full turn or a part, next to another table.
 
     Mitsuba's places within a patch lose digits where the patch is nearly even, so that one
-    direction in a hundred is off by more than 1e-4. An isotropic file of two azimuths is
+    direction in a hundred is off by more than 1e-5. An isotropic file of two azimuths is
     left out: Mitsuba then uses a number that it never sets (docs/mitsuba-faults.md, 35).
     """
     bsdf = measured(files / f"{name}_rgb.bsdf")
