@@ -211,21 +211,21 @@ def sample_density(density, slices, x, y):
         middle = (low + high) >> 1
         below = _entry(density.rows, slices, height - 1, middle) < y
         low, high = _halved(below, low, middle, high)
-    patch = Patch(height, width, low, low, x, x)
+    patch = Patch(height, width, low, low, y, x)  # only its row counts here
     y = y - _rows_up_to(density, slices, patch, low - 1)
     first, last, _ = _up_to(density, slices, patch, width - 2)
     y = _sample_segment(y, height - 1, first, last)
     x = x * _mix(first, last, y)
 
     row = low
-    patch = Patch(height, width, row, row, y, y)
+    patch = Patch(height, width, row, row, y, x)  # its column is searched
     low, high = splat_i32(0), width - 2
     while any_of(low < high):
         middle = (low + high) >> 1
         _, _, integral = _up_to(density, slices, patch, middle)
         low, high = _halved(integral < x, low, middle, high)
     _, _, before = _up_to(density, slices, patch, low - 1)
-    patch = Patch(height, width, row, low, y, y)
+    patch = Patch(height, width, row, low, y, x)
     left, right = _edges(density.values, slices, patch, 1, 0)
     x = _sample_segment(x - before, width - 1, left, right)
     return (
