@@ -30,6 +30,7 @@ SCENES = ROOT / "scenes"
 HEIGHT = 225  # [pixels] of a scene
 BALL = 144  # [pixels] of both sides
 QUALITY = 84  # of JPEG
+QUALITY_OF_BALLS = 60  # all pictures together stay below 500 kB
 GAP = 6  # [pixels] between the parts of a strip
 
 Floats = NDArray[Any]
@@ -87,6 +88,7 @@ BSDFS: dict[str, dict[str, Any]] = {
     "principled": {"base_color": RED, "roughness": 0.4, "clearcoat": 1.0},
     "principledthin": {"base_color": RED, "roughness": 0.4, "diff_trans": 1.0},
     "merl": {"filename": str(SCENES / "measured-ball" / "measured" / "bronze.binary")},
+    "measured": {"filename": str(ROOT / "tests" / "plugins" / "copper_rgb.bsdf")},
     "null": {},
     "polarizer": {},
     "circular": {"transmittance": RED},
@@ -154,7 +156,7 @@ def ball(bsdf: dict[str, Any]) -> Floats:
             "bsdf": bsdf,
         },
     }
-    loaded = renderer.load_dict(scene, allow_outside=SCENES)
+    loaded = renderer.load_dict(scene, allow_outside=ROOT)
     return renderer.render(loaded, spp=256, sampler="multijitter").pixels
 
 
@@ -303,7 +305,8 @@ def save(name: str, pixels: Floats) -> None:
     """Write a picture; NaN, between parts of a strip, is white."""
     between = np.isnan(pixels)
     picture = encode_png(np.where(between, 1.0, pixels).astype(np.float32))
-    picture.convert("RGB").save(PICTURES / f"{name}.jpg", quality=QUALITY, optimize=True)
+    quality = QUALITY_OF_BALLS if name.startswith("bsdf-") else QUALITY
+    picture.convert("RGB").save(PICTURES / f"{name}.jpg", quality=quality, optimize=True)
 
 
 if __name__ == "__main__":

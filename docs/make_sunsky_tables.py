@@ -8,7 +8,6 @@ this renderer needs three colours and the luminance, so these are taken here.
 from __future__ import annotations
 
 import importlib.util
-import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,12 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))  # of this clone, whatever is installed
 
+from renderer.plugins.bsdfs.tensor_file import TensorFile  # noqa: E402
 from renderer.scene_file.colors.spectra import OBSERVER, WAVELENGTHS  # noqa: E402
 from renderer.scene_file.images.image import SRGB_FROM_XYZ  # noqa: E402
 
 TABLES = ROOT / "renderer" / "plugins" / "lights" / "sunsky.npz"
 LICENSE = TABLES.with_name("sunsky_license.txt")
-TYPES = {10: "<f4", 11: "<f8"}
 BANDS = np.linspace(320.0, 720.0, 11)  # [nm] of the spectra
 
 
@@ -36,20 +35,10 @@ def source() -> Path:
 
 
 def read_tensors(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a file: names, shapes, types and places, then the numbers."""
-    content = path.read_bytes()
-    (count,), at = struct.unpack_from("<I", content, 14), 18
-    tensors = {}
-    for _ in range(count):
-        (size,) = struct.unpack_from("<H", content, at)
-        name = content[at + 2 : at + 2 + size].decode()
-        rank, kind, offset = struct.unpack_from("<HBQ", content, at + 2 + size)
-        shape = struct.unpack_from(f"<{rank}Q", content, at + 13 + size)
-        at += 13 + size + 8 * rank
-        if kind in TYPES:
-            numbers = np.frombuffer(content, TYPES[kind], int(np.prod(shape)), offset)
-            tensors[name] = numbers.reshape(shape)
-    return tensors
+    """Return the arrays of a file."""
+    with path.open("rb") as file:
+        tensors = TensorFile(path, file)
+        return {name: tensors.read(name) for name in tensors.fields}
 
 
 def make_tables() -> dict[str, NDArray[np.float32]]:

@@ -13,6 +13,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from renderer.plugins.bsdfs.tensor_file import tensor_file
+
 Floats = NDArray[np.float64]
 
 
@@ -223,7 +225,7 @@ def curve_bytes(rng: Random, unit: float) -> bytes:
     return ("\n\n".join(curves) + "\n").encode()
 
 
-def measured_bytes(rng: Random) -> bytes:
+def merl_bytes(rng: Random) -> bytes:
     """Return a small table in the format of the MERL database."""
     counts = np.array([6, 5, 8], "<i4")
     values = (
@@ -232,3 +234,35 @@ def measured_bytes(rng: Random) -> bytes:
         * np.array([0.3, 0.25, 0.2])[:, None, None, None]
     )
     return counts.tobytes() + values.astype("<f8").tobytes()
+
+
+def rgl_bytes(rng: Random) -> bytes:
+    """Return small tables in the format of the RGL database, of any symmetry.
+
+    Densities stay away from 0, where a sample's weight is large. There are never two
+    azimuths: Mitsuba then uses a number that it never sets.
+    """
+    sectors, jacobian = rng.choice((0, 1, 2, 4)), rng.random() < 0.5
+    azimuths = np.zeros(1)
+    if sectors:
+        azimuths = np.linspace(-np.pi, 2.0 * np.pi / sectors - np.pi, rng.randint(3, 4))
+    elevations = np.linspace(0.0, np.pi / 2, rng.randint(1, 3))
+    angles, size = (len(azimuths), len(elevations)), rng.randint(2, 4)
+
+    def values(*shape: int) -> Floats:
+        table = 0.3 + 0.7 * numbers_of(rng, *shape)
+        table[..., -1, :] = table[..., 0, :]  # a full turn later
+        return table
+
+    colors = (0.3 if jacobian else 0.1) * values(*angles, 3, size, size)
+    images = {
+        "theta_i": elevations,
+        "phi_i": azimuths,
+        "ndf": values(3, 4),
+        "sigma": values(2, 3),
+        "vndf": values(*angles, rng.randint(2, 5), rng.randint(2, 5)),
+        "luminance": values(*angles, size, size),
+        "rgb": colors,
+    }
+    flags = {"description": np.zeros(1, np.uint8), "jacobian": np.array([jacobian], "u1")}
+    return tensor_file({k: a.astype(np.float32) for k, a in images.items()} | flags)

@@ -61,9 +61,14 @@ _RATE = number(0.2, 2.0)
 _ANGLE = number(0.0, 180.0)
 
 
-def _measured(drawing: Drawing, name: str) -> list[Element]:
-    content = files.measured_bytes(drawing.rng)
+def _merl(drawing: Drawing, name: str) -> list[Element]:
+    content = files.merl_bytes(drawing.rng)
     return [plain("string", name, drawing.keep_file("binary", content))]
+
+
+def _rgl(drawing: Drawing, name: str) -> list[Element]:
+    content = files.rgl_bytes(drawing.rng)
+    return [plain("string", name, drawing.keep_file("bsdf", content))]
 
 
 def _spec_trans(drawing: Drawing, name: str) -> list[Element]:
@@ -114,7 +119,8 @@ BSDFS: dict[str, Properties] = {
     "polarizer": {"transmittance": COLOR, "theta": _ANGLE, "polarizing": flag},
     "circular": {"transmittance": COLOR, "left_handed": flag},
     "retarder": {"transmittance": COLOR, "theta": _ANGLE, "delta": _ANGLE},
-    "merl": {"filename!": _measured},
+    "merl": {"filename!": _merl},
+    "measured": {"filename!": _rgl},
 }
 FILTERS = ("polarizer", "circular", "retarder")
 TRANSPARENT = (
@@ -144,6 +150,7 @@ STRUCTURES: tuple[Structure, ...] = (
     ("twosided", ("blendbsdf", "conductor", "diffuse"), "roughconductor"),
     ("mask", ("blendbsdf", "principled", "null")),
     ("blendbsdf", ("mask", "thindielectric"), "merl"),
+    ("normalmap", "measured"),
     ("normalmap", ("bumpmap", "conductor")),
 )
 """Nested BSDFs: each structure has kernels of its own, so that a fixed pool bounds the time

@@ -18,6 +18,7 @@ from renderer.integrators.registry import IN_FILES, INTEGRATORS
 from renderer.plugins.bsdfs.parameters import Nested, hints_of
 from renderer.plugins.bsdfs.principled import TRANSMITTING
 from renderer.plugins.bsdfs.registry import BSDFS, VARIANTS, WRAPPERS
+from renderer.plugins.bsdfs.tensor_file import tensor_file
 from renderer.plugins.lights.registry import LIGHTS
 from renderer.plugins.sensors.registry import SENSORS
 from renderer.plugins.shapes.registry import SHAPES
@@ -67,7 +68,7 @@ def compile_others() -> None:
 # ------------------------------------------------------------ what scenes are made of
 
 _MESH = "mesh.ply"
-_MEASURED = "measured.binary"
+_MEASURED = {"merl": "measured.binary", "measured": "measured_rgb.bsdf"}
 _CURVE = "curve.txt"
 _PIXELS = np.linspace(0.1, 0.9, 48, dtype=np.float32).reshape(4, 4, 3)
 _BITMAP = {"type": "bitmap", "data": _PIXELS, "raw": True}
@@ -80,7 +81,7 @@ _REQUIRED: dict[str, Properties] = {  # properties without a default, by plugin
     "envmap": {"bitmap": _PIXELS},
     "implicit": {"expression": "x*x + y*y + z*z - 0.5"},
     "linearcurve": {"filename": _CURVE},
-    "merl": {"filename": _MEASURED},
+    **{name: {"filename": file} for name, file in _MEASURED.items()},
     "mesh_attribute": {"name": "vertex_heat"},
     "moment": {"inner": {"type": "path"}},
     "normalmap": {"normalmap": _BITMAP},
@@ -114,7 +115,12 @@ def write_files(folder: Path) -> None:
     )
     counts, values = np.full(3, 2, np.int32), np.full(24, 100.0)
     (folder / _CURVE).write_text("-1 0 0 .2\n0 1 0 .2\n1 0 0 .2\n2 1 0 .2\n")
-    (folder / _MEASURED).write_bytes(counts.tobytes() + values.tobytes())
+    (folder / _MEASURED["merl"]).write_bytes(counts.tobytes() + values.tobytes())
+    shapes = {"theta_i": (1,), "phi_i": (1,), "ndf": (2, 2), "sigma": (2, 2)}
+    shapes |= {"vndf": (1, 1, 2, 2), "luminance": (1, 1, 2, 2), "rgb": (1, 1, 3, 2, 2)}
+    fields = {name: np.ones(shape, np.float32) for name, shape in shapes.items()}
+    flags = {name: np.ones(1, np.uint8) for name in ("description", "jacobian")}
+    (folder / _MEASURED["measured"]).write_bytes(tensor_file(fields | flags))
 
 
 def _plugin(name: str, **properties: Any) -> Properties:

@@ -29,7 +29,7 @@ from renderer.simple.bsdfs import (
     number,
 )
 from renderer.simple.camera import Vector, mix, normalize, orthonormal_basis
-from renderer.simple.measured import Measured
+from renderer.simple.measured import Measured, WarpedTables
 from renderer.simple.principled import Principled, PrincipledThin
 from renderer.simple.rough import (
     PPlastic,
@@ -239,6 +239,7 @@ BSDFS: dict[str, type[Bsdf]] = {
     "principled with spec_trans": Principled,
     "principledthin": PrincipledThin,
     "merl": Measured,
+    "measured": WarpedTables,
     "twosided": TwoSided,
     "mask": Mask,
     "blendbsdf": Blend,

@@ -20,6 +20,7 @@ from renderer.plugins.bsdfs.dielectric import DIELECTRIC
 from renderer.plugins.bsdfs.diffuse import DIFFUSE
 from renderer.plugins.bsdfs.kind import BsdfKind, Color, around, register_kernels
 from renderer.plugins.bsdfs.mask import MASK
+from renderer.plugins.bsdfs.measured import MEASURED
 from renderer.plugins.bsdfs.merl import MERL
 from renderer.plugins.bsdfs.normalmap import NORMAL_MAP
 from renderer.plugins.bsdfs.null import NULL
@@ -97,6 +98,7 @@ for _kind in (
     CIRCULAR,
     RETARDER,
     MERL,
+    MEASURED,
     ONE_FOR_BOTH,
     ONE_FOR_EACH,
     MASK,

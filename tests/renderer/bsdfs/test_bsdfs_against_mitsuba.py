@@ -34,6 +34,7 @@ def rgb(*value: float) -> dict[str, Any]:
 RED, PALE = rgb(0.7, 0.2, 0.1), rgb(0.9, 0.95, 0.8)
 PLASTIC = {"type": "plastic", "diffuse_reflectance": RED}
 ROUGH = {"type": "roughplastic", "diffuse_reflectance": RED}
+PLUGINS = Path(__file__).parents[2] / "plugins"
 KNOBS = {"type": "principled", "base_color": RED, "roughness": 0.35}
 SETS: dict[str, dict[str, Any]] = {
     "roughconductor": {"type": "roughconductor"},
@@ -86,6 +87,7 @@ SETS: dict[str, dict[str, Any]] = {
     | {"type": "principledthin", "spec_trans": 0.5, "diff_trans": 1.2, "eta": 1.4}
     | {"sheen": 0.5, "sheen_tint": 1.0, "flatness": 0.5, "spec_tint": 0.4}
     | {"anisotropic": 0.5, "specular_transmittance_sampling_rate": 1.5},
+    "measured": {"type": "measured", "filename": str(PLUGINS / "copper_rgb.bsdf")},
 }
 
 
@@ -121,6 +123,8 @@ class Limits(NamedTuple):
 
 # sample divides by what eval multiplies with, and its normals have rounded slopes
 EVAL, SAMPLE = Limits(2e-5, 3e-3), Limits(1e-4, 4e-2)
+# of directions; Mitsuba subtracts roots of nearly equal numbers in nearly even tables
+AWAY, AWAY_MEASURED = Limits(2e-6, 1e-3), Limits(5e-5, 1e-3)
 
 
 def assert_close(ours: Any, theirs: Any, limits: Limits) -> None:
@@ -162,7 +166,8 @@ def test_sample(name):
     np.testing.assert_array_equal(a.lobe[alive], b.lobe[alive])
     np.testing.assert_allclose(a.eta[alive], b.eta[alive], rtol=3e-7)
     away = np.abs(a.wi - b.wi)[alive]
-    assert np.quantile(away, 0.99) < 2e-6 and away.max() < 1e-3
+    limits = AWAY_MEASURED if name == "measured" else AWAY
+    assert np.quantile(away, 0.99) < limits.usual and away.max() < limits.largest
 
 
 # ----------------------------------------------------------------- sample against its pdf
@@ -215,13 +220,12 @@ def test_directions_follow_the_density(name, degrees):
 
 # --------------------------------------------------------------------------------- energy
 
-MEASURED = Path(__file__).parents[2] / "plugins" / "small.binary"
 ANGLES = (0.0, 30.0, 60.0, 85.0)  # [deg]
 OTHERS = {
     "diffuse": {"type": "diffuse", "reflectance": RED},
     "conductor": {"type": "conductor", "material": "Au"},
     "dielectric": {"type": "dielectric", "specular_transmittance": PALE},
-    "merl": {"type": "merl", "filename": str(MEASURED)},
+    "merl": {"type": "merl", "filename": str(PLUGINS / "small.binary")},
     "polarizer": {"type": "polarizer", "theta": 30.0, "transmittance": PALE},
     "circular": {"type": "circular"},
 }
@@ -250,7 +254,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
     | {"spec_trans": 1.0, "eta": 1.5},
 }
 CONSERVING = tuple(LOSSLESS)[:5]
-BY_ALBEDO = LOSSLESS | OTHERS
+BY_ALBEDO = LOSSLESS | OTHERS | {"measured": SETS["measured"]}
 
 
 def albedos(bsdf: dict[str, Any], n: int) -> Any:
@@ -282,12 +286,13 @@ def test_the_albedo_is_mitsubas(name):
 # ---------------------------------------------------------------------------- reciprocity
 
 
-@sets(without=("principledthin all",))
+@sets(without=("principledthin all", "measured"))
 def test_light_finds_its_way_back(name):
     """f(wo, wi) / n_i^2 is symmetric, n_i the index of refraction on the side of wi.
 
     Of Mitsuba's thin sheets it is not: a facet that passes light on tests the side of wi
-    alone, which leaves out other pairs one way than the other.
+    alone, which leaves out other pairs one way than the other. Tables are interpolated over
+    wo and over half vectors in different ways.
     """
     rng, probe = rng_of(name), ours(name)
     wo, wi = (random_directions(2048, rng, both_sides=True) for _ in range(2))

@@ -22,7 +22,7 @@ from renderer.plugins.bsdfs.kind import DELTA, SMOOTH, STRAIGHT
 from renderer.simple.bsdfs import Lobe
 from renderer.simple.materials import BSDFS, NESTED, bsdf_at
 
-BRONZE = Path(__file__).parents[2] / "plugins" / "bronze.binary"
+PLUGINS = Path(__file__).parents[2] / "plugins"
 COUNT = 112  # of pairs of directions for each set of parameters
 CLOSE = 1e-4
 # of what moving the directions by a rounding of float32 changes: kernels round more often
@@ -88,7 +88,8 @@ SETS = [
     {"type": "principledthin"},
     {"type": "principledthin", "spec_trans": 0.6, "diff_trans": 0.9, **SHEET},
     {"type": "principledthin", "spec_trans": 0.2, "diff_trans": 1.6, "eta": 1.3},
-    {"type": "merl", "filename": str(BRONZE)},
+    {"type": "merl", "filename": str(PLUGINS / "bronze.binary")},
+    {"type": "measured", "filename": str(PLUGINS / "copper_rgb.bsdf")},
 ]
 
 

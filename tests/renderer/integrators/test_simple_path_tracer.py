@@ -112,6 +112,7 @@ CASES = [
             "normalmap",
             "bumpmap",
             "merl",
+            "measured",
             "no_sky",
             "sunsky",
         )

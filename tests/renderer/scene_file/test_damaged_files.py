@@ -34,6 +34,7 @@ USES = {  # what a file is read for
     "meshes/version-3.serialized": '<shape type="serialized">{}</shape>',
     "meshes/version-4.serialized": '<shape type="serialized">{}</shape>',
     "small.binary": '<bsdf type="merl">{}</bsdf>',
+    "copper_rgb.bsdf": '<bsdf type="measured">{}</bsdf>',
     "sky.exr": '<emitter type="envmap">{}</emitter>',
     "small.spd": '<bsdf type="diffuse"><spectrum name="reflectance" filename="{}"/></bsdf>',
 }

@@ -34,6 +34,7 @@ WAYS = {
     '<string name="filename" value="{}"/></texture></bsdf>',
     "sky.exr": '<emitter type="envmap"><string name="filename" value="{}"/></emitter>',
     "table.binary": '<bsdf type="merl"><string name="filename" value="{}"/></bsdf>',
+    "a_rgb.bsdf": '<bsdf type="measured"><string name="filename" value="{}"/></bsdf>',
     "paint.spd": '<bsdf type="diffuse"><spectrum name="reflectance" filename="{}"/></bsdf>',
     "part.xml": '<include filename="{}"/>',
     "folder": '<path value="{}"/>',
