@@ -234,7 +234,8 @@ def _lobes(hair, wo):
     across = sqrt(wo.x * wo.x + wo.z * wo.z)
     gamma = select(across == 0.0, 0.0, arccos(wo.z / across))
     gamma = select(wo.x < 0.0, gamma, -gamma)
-    offset, _ = sincos(gamma)  # h
+    # h; gamma near 0 and its cosine near 90 degrees lose digits, the same as in Mitsuba
+    offset, _ = sincos(gamma)
     sin_o, cos_o = wo.y, _other_leg(wo.y)
     # across the fibre its index of refraction is larger [Marschner2003, appendix B]
     eta2 = maximum(hair.eta * hair.eta - sin_o * sin_o, splat_f32(0.0))
