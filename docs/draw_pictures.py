@@ -87,6 +87,7 @@ BSDFS: dict[str, dict[str, Any]] = {
     "principled": {"base_color": RED, "roughness": 0.4, "clearcoat": 1.0},
     "principledthin": {"base_color": RED, "roughness": 0.4, "diff_trans": 1.0},
     "merl": {"filename": str(SCENES / "measured-ball" / "measured" / "bronze.binary")},
+    "hair": {"eumelanin": 0.2, "pheomelanin": 0.4},
     "null": {},
     "polarizer": {},
     "circular": {"transmittance": RED},
