@@ -10,7 +10,6 @@ from __future__ import annotations
 from math import cos, exp, log, pi, sqrt
 from typing import Any
 
-from mitsuba_ref.reference.plugins.volpathmis import with_nested
 from renderer.scene_file.description import SceneDescription
 
 WITH_LAST_LOBE = "hair_with_last_lobe"
@@ -18,6 +17,9 @@ WITH_LAST_LOBE = "hair_with_last_lobe"
 
 def has_hair(description: SceneDescription) -> bool:
     """Return whether a shape of the scene shows `hair`."""
+    # it imports kernels, which the process that waits for Mitsuba does without
+    from mitsuba_ref.reference.plugins.volpathmis import with_nested
+
     shown = (b for shape in description.every_shape for b in with_nested(shape.bsdf))
     return any(bsdf.plugin == "hair" for bsdf in shown)
 

@@ -1,12 +1,7 @@
 """Hair and fur [Chiang2016]: light that passes a fibre in one scattering event.
 
-The fibre runs along y. The longitudinal angle theta of a direction is that to the plane
-across the fibre, sin theta = y; its azimuth phi is the angle in this plane. There are four
-lobes: R (p = 0), reflected; TT (p = 1), refracted through the fibre; TRT (p = 2), reflected
-inside once; and all longer paths (p = 3). Each has an attenuation A, a longitudinal part M
-[DEon2011b] and an azimuthal part N, which is a logistic distribution; constant for p = 3.
-
-The cosine of f |cos| is part of the model. The formulas are the same for all signs of z.
+The fibre runs along y. Its lobes are in `hair_lobes`. The cosine of f |cos| is part of the
+model, and the formulas are the same for all signs of z.
 """
 
 from __future__ import annotations
@@ -17,25 +12,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.functions import (
-    fabs,
-    floor,
-    maximum,
-    minimum,
-    select,
-    splat_f32,
-    sqrt,
-    to_double,
-    to_single,
-)
-from renderer.kernels.lanes.mathematics import arccos, arctan2, exp, log, sincos
+from renderer.kernels.lanes.functions import fabs, maximum, minimum, select, splat_f32
+from renderer.kernels.lanes.mathematics import arctan2, exp, log, sincos
 from renderer.kernels.lanes.vectors import normalize, vec3
 from renderer.plugins.bsdfs.dielectric import read_relative_index
-from renderer.plugins.bsdfs.fresnel import fresnel_dielectric
+from renderer.plugins.bsdfs.hair_lobes import (
+    azimuthal,
+    lobes_of,
+    longitudinal,
+    other_leg,
+    sample_azimuth,
+)
 from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float
+from renderer.plugins.bsdfs.microfacets import PI
 from renderer.plugins.bsdfs.roughplastic import coated_sample
-from renderer.plugins.sampling.numbers_and_warps import AlongU, Plain
-from renderer.plugins.textures.kind import LUMINANCE
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI, AlongU, Plain
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import ConstantTexture, OtherBsdf, Texture
 from renderer.scene_file.objects.objects import read_texture
@@ -43,19 +34,6 @@ from renderer.scene_file.objects.objects import read_texture
 # absorption of a unit of pigment, per radius of the hair [DEon2011b]
 _EUMELANIN = np.array([0.419, 0.697, 1.37])
 _PHEOMELANIN = np.array([0.187, 0.4, 1.05])
-
-_RED, _GREEN, _BLUE = (np.float32(x) for x in LUMINANCE)
-_PI = np.float32(np.pi)
-_HALF_PI = np.float32(0.5 * np.pi)
-_TWO_PI = np.float32(2.0 * np.pi)
-_INV_TWO_PI = np.float32(0.5 / np.pi)
-_TWO_PI_AS_SINGLE = float(_TWO_PI)  # for arithmetic in double precision
-_SMOOTHER = np.float32(10.0)  # 1 / v above which M is computed by logarithms
-_LOG_2 = np.float32(0.6931)  # Mitsuba's digits
-# 1 / (4^k k!^2), the series of I0(x) in x^2, up to x = 12
-_BESSEL = tuple(np.float32(1.0 / (4.0**k * math.factorial(k) ** 2)) for k in range(11))
-_ASYMPTOTIC = np.float32(12.0)
-_THIRD, _SIXTIETH = np.float32(1.0 / 3.0), np.float32(1.0 / 60.0)
 
 
 class Hair(NamedTuple):
@@ -109,169 +87,14 @@ def _read_absorption(properties: Any) -> tuple[Texture, float]:
     return sigma_a, scale
 
 
-# ------------------------------------------------------------------------ longitudinal, M
-
-
-@kernel
-def _other_leg(sine):
-    """Return sqrt(1 - sine^2); the square is not rounded, as where Mitsuba fuses it."""
-    wide = to_double(sine)
-    return sqrt(maximum(to_single(1.0 - wide * wide), splat_f32(0.0)))
-
-
-@kernel
-def _bessel(x):
-    """Return I0 of 0 <= x <= 12, the modified Bessel function."""
-    square = x * x
-    power, total = square, 1.0 + square * _BESSEL[1]
-    for k in range(2, len(_BESSEL)):
-        power = power * square
-        total = total + power * _BESSEL[k]
-    return total
-
-
-@kernel
-def _log_bessel(x):
-    """Return log I0(x); above 12 by Mitsuba's expansion, 1 / (16 x) too small."""
-    far = x + 0.5 * (log(1.0 / (_TWO_PI * x)) + 1.0 / (8.0 * x))
-    return select(x > _ASYMPTOTIC, far, log(_bessel(minimum(x, _ASYMPTOTIC))))
-
-
-@kernel
-def _longitudinal(sin_o, sin_i, v):
-    """Return M / (2 pi), a density [1/sr] around the fibre [DEon2011b, section 3.2].
-
-    For smooth fibres the large terms of the exponent cancel; their order is Mitsuba's.
-    """
-    kappa = 1.0 / v
-    k2 = kappa * kappa
-    c = _other_leg(sin_o) * _other_leg(sin_i) * kappa
-    s = sin_o * sin_i * kappa
-    smooth = exp(-s + _log_bessel(c) - kappa + _LOG_2 + log(0.5 * kappa))
-    width = exp(kappa) - exp(-kappa)  # 2 sinh(kappa), and kappa over it
-    over = select(kappa < 0.5, 1.0 / (2.0 + k2 * (_THIRD + k2 * _SIXTIETH)), kappa / width)
-    rough = exp(-s) * _bessel(minimum(c, _SMOOTHER)) * over
-    return select(kappa > _SMOOTHER, smooth, rough) * _INV_TWO_PI
-
-
-# --------------------------------------------------------------------------- azimuthal, N
-
-
-@kernel
-def _logistic_below(x, s):
-    """Return the logistic distribution function."""
-    return 1.0 / (1.0 + exp(-x / s))
-
-
-@kernel
-def _azimuthal(turn, s):
-    """Return the density [1/rad] of an azimuth off that of a smooth fibre."""
-    # C's fmod, which keeps the sign; then to [-pi, pi]
-    size = to_double(fabs(turn))
-    rest = to_single(size - floor(size / _TWO_PI_AS_SINGLE) * _TWO_PI_AS_SINGLE)
-    rest = select(turn < 0.0, -rest, rest)
-    rest = select(rest < _PI, rest + _TWO_PI, rest)
-    rest = select(rest > _PI, rest - _TWO_PI, rest)
-    fallen = exp(-fabs(rest) / s)
-    density = fallen / (s * ((1.0 + fallen) * (1.0 + fallen)))
-    return density / (_logistic_below(_PI, s) - _logistic_below(-_PI, s))
-
-
-@kernel
-def _sample_azimuth(number, s):
-    """Return an azimuth in [-pi, pi] of this density."""
-    first = _logistic_below(-_PI, s)
-    k = _logistic_below(_PI, s) - first
-    x = -s * log(1.0 / (number * k + first) - 1.0)
-    return maximum(minimum(x, _PI), -_PI)
-
-
-# -------------------------------------------------------------------------------- lobes
-
-
-class _Lobe(NamedTuple):
-    """What a lobe is around, for one wo."""
-
-    attenuation: Any  # A, RGB
-    share: Any  # of samples: that of the luminance of A
-    sine: Any  # of theta of wo, turned by the scales of the hair
-    cosine: Any  # not negative
-    variance: Any
-    azimuth: Any  # by which a smooth fibre turns the light
-
-
-@kernel
-def _attenuations(hair, sin_o, cos_o, offset, sin_gamma_t):
-    """Return A of the four lobes, RGB [Chiang2016, section 3.2]."""
-    none = splat_f32(0.0)
-    cos_gamma = sqrt(maximum(1.0 - offset * offset, none))
-    cos_gamma_t = sqrt(maximum(1.0 - sin_gamma_t * sin_gamma_t, none))
-    sin_t = sin_o / hair.eta
-    cos_t = sqrt(maximum(1.0 - sin_t * sin_t, none))
-    length = 2.0 * cos_gamma_t / cos_t
-    fresnel, _, _ = fresnel_dielectric(cos_o * cos_gamma, hair.eta)
-    depth = (hair.sigma_a * hair.scale) * -length
-    passed = vec3(exp(depth.x), exp(depth.y), exp(depth.z))
-    once = passed * ((1.0 - fresnel) * (1.0 - fresnel))
-    inside = passed * fresnel
-    twice = once * inside
-    rest = twice * vec3(
-        inside.x / (1.0 - inside.x),
-        inside.y / (1.0 - inside.y),
-        inside.z / (1.0 - inside.z),
-    )
-    return vec3(fresnel, fresnel, fresnel), once, twice, rest
-
-
-@kernel
-def _luminance(a):
-    return _RED * a.x + _GREEN * a.y + _BLUE * a.z
-
-
-@kernel
-def _lobes(hair, wo):
-    """Return the four lobes for wo."""
-    across = sqrt(wo.x * wo.x + wo.z * wo.z)
-    gamma = select(across == 0.0, 0.0, arccos(wo.z / across))
-    gamma = select(wo.x < 0.0, gamma, -gamma)
-    # h; gamma near 0 and its cosine near 90 degrees lose digits, the same as in Mitsuba
-    offset, _ = sincos(gamma)
-    sin_o, cos_o = wo.y, _other_leg(wo.y)
-    # across the fibre its index of refraction is larger [Marschner2003, appendix B]
-    eta2 = maximum(hair.eta * hair.eta - sin_o * sin_o, splat_f32(0.0))
-    sin_gamma_t = offset / (sqrt(eta2) / cos_o)
-    gamma_t = _HALF_PI - arccos(sin_gamma_t)
-
-    a0, a1, a2, a3 = _attenuations(hair, sin_o, cos_o, offset, sin_gamma_t)
-    y0, y1, y2, y3 = _luminance(a0), _luminance(a1), _luminance(a2), _luminance(a3)
-    total = y0 + y1 + y2 + y3
-
-    # the scales turn R by -2 tilt, TT by the tilt, TRT by 4 tilt
-    s1, c1 = hair.sin_tilt, hair.cos_tilt
-    s2, c2 = 2.0 * c1 * s1, c1 * c1 - s1 * s1
-    s4, c4 = 2.0 * c2 * s2, c2 * c2 - s2 * s2
-    sine_0, cosine_0 = sin_o * c2 - cos_o * s2, fabs(cos_o * c2 + sin_o * s2)
-    sine_1, cosine_1 = sin_o * c1 + cos_o * s1, fabs(cos_o * c1 - sin_o * s1)
-    sine_2, cosine_2 = sin_o * c4 + cos_o * s4, fabs(cos_o * c4 - sin_o * s4)
-    turn_1 = 2.0 * gamma_t - 2.0 * gamma + _PI
-    turn_2 = 4.0 * gamma_t - 2.0 * gamma + _TWO_PI
-    v = hair.variance
-    return (
-        _Lobe(a0, y0 / total, sine_0, cosine_0, v, -2.0 * gamma),
-        _Lobe(a1, y1 / total, sine_1, cosine_1, 0.25 * v, turn_1),
-        _Lobe(a2, y2 / total, sine_2, cosine_2, 4.0 * v, turn_2),
-        _Lobe(a3, y3 / total, sin_o, cos_o, 4.0 * v, gamma),  # in all azimuths
-    )
-
-
 # ------------------------------------------------------------------------------- kernels
 
 
 @kernel
 def _density(hair, lobe, sin_i, turn):
     """Return the density [1/sr] of a lobe at theta of wi and an azimuth from that of wo."""
-    azimuthal = _azimuthal(turn - lobe.azimuth, hair.spread)
-    return _longitudinal(lobe.sine, sin_i, lobe.variance) * _TWO_PI * azimuthal
+    around = azimuthal(turn - lobe.azimuth, hair.spread)
+    return longitudinal(lobe.sine, sin_i, lobe.variance) * TWO_PI * around
 
 
 @kernel
@@ -288,7 +111,7 @@ def _eval_pdf(hair, lobes, wo, wi):
     d0 = _density(hair, r, wi.y, turn)
     d1 = _density(hair, tt, wi.y, turn)
     d2 = _density(hair, trt, wi.y, turn)
-    d3 = _longitudinal(more.sine, wi.y, more.variance)
+    d3 = longitudinal(more.sine, wi.y, more.variance)
     pdf = d0 * r.share + d1 * tt.share + d2 * trt.share + d3 * more.share
     f = r.attenuation * d0 + tt.attenuation * d1 + trt.attenuation * d2
     f = f + more.attenuation * d3
@@ -298,7 +121,7 @@ def _eval_pdf(hair, lobes, wo, wi):
 @kernel
 def eval_pdf(hair, wo, wi):
     """Return f |cos| and the pdf [1/sr]."""
-    return _eval_pdf(hair, _lobes(hair, wo), wo, wi)
+    return _eval_pdf(hair, lobes_of(hair, wo), wo, wi)
 
 
 @interface
@@ -322,7 +145,7 @@ def sample(hair, wo, numbers):
 
     `numbers.choice` is used for the lobe, and what is left of it for the azimuth.
     """
-    r, tt, trt, more = lobes = _lobes(hair, wo)
+    r, tt, trt, more = lobes = lobes_of(hair, wo)
     u0 = numbers.choice
     u1 = u0 - r.share
     u2 = u1 - tt.share
@@ -338,15 +161,15 @@ def sample(hair, wo, numbers):
     cosine = select(is_3, last[1], select(is_2, trt.cosine, cosine))
     v = select(is_2, trt.variance, select(is_1, tt.variance, r.variance))
     turn = select(is_2, trt.azimuth, select(is_1, tt.azimuth, r.azimuth))
-    turn = turn + _sample_azimuth(left, hair.spread)
-    turn = select(is_3, _TWO_PI * left, turn)
+    turn = turn + sample_azimuth(left, hair.spread)
+    turn = select(is_3, TWO_PI * left, turn)
 
     # around the mirrored direction along the fibre, by von Mises and Fisher's distribution
     away = 1.0 + v * log(numbers.x + (1.0 - numbers.x) * exp(-2.0 / v))
     away = maximum(minimum(away, 1.0), -1.0)
-    _, around = sincos(_TWO_PI * numbers.y)
-    sin_i = _other_leg(away) * around * cosine - away * sine
-    cos_i = _other_leg(sin_i)
+    _, around = sincos(TWO_PI * numbers.y)
+    sin_i = other_leg(away) * around * cosine - away * sine
+    cos_i = other_leg(sin_i)
     across_y, across_x = sincos(arctan2(wo.z, wo.x) + turn)
     wi = normalize(vec3(cos_i * across_x, sin_i, cos_i * across_y))
     f_cos, pdf = _eval_pdf(hair, lobes, wo, wi)
@@ -358,7 +181,7 @@ def albedo(hair, wo):
     """Return pi f |cos| at normal incidence, Mitsuba's default for BSDFs."""
     none = splat_f32(0.0)
     f_cos, _ = eval_pdf(hair, wo, vec3(none, none, none + 1.0))
-    return _PI * f_cos
+    return PI * f_cos
 
 
 HAIR = BsdfKind(
