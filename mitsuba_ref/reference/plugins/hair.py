@@ -56,7 +56,7 @@ def register_hair(mi: Any) -> None:
             if not chosen.pdf > 0.0 or chosen.wo.y != 0.0:
                 return chosen, weight
             x, y = sample2
-            away = 1.0 + self.v * log(x + (1.0 - x) * exp(-2.0 / self.v))
+            away = 1.0 + self.v * log(max(x + (1.0 - x) * exp(-2.0 / self.v), 1e-300))
             away = min(max(away, -1.0), 1.0)
             sine = si.wi.y
             sin_o = sqrt(1.0 - away**2) * cos(2.0 * pi * y) * sqrt(max(1.0 - sine**2, 0.0))

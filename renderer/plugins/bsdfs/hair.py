@@ -39,7 +39,7 @@ _PHEOMELANIN = np.array([0.187, 0.4, 1.05])
 class Hair(NamedTuple):
     """Its parameters."""
 
-    variance: Float  # v of p = 0; 1/4 of it for p = 1, 4 times for p = 2 and 3
+    variance: Float  # v of lobe R; TT has a quarter of it, the others four times as much
     spread: Float  # scale of the logistic distribution [rad]
     sin_tilt: Float  # of the scales' angle
     cos_tilt: Float
@@ -53,7 +53,7 @@ def read(properties: Any) -> OtherBsdf:
     along = properties.number("longitudinal_roughness", 0.3, at_least=0.0, at_most=1.0)
     around = properties.number("azimuthal_roughness", 0.3, at_least=0.0, at_most=1.0)
     sine = math.sin(math.radians(properties.number("scale_tilt", 2.0)))
-    # [Chiang2016, eq. 7 and 8]
+    # fits of [Chiang2016]
     roughness = 0.726 * along + 0.812 * along**2 + 3.7 * along**20
     spread = 0.265 * around + 1.194 * around**2 + 5.372 * around**22
     sigma_a, scale = _read_absorption(properties)

@@ -75,9 +75,10 @@ def _log_bessel(x):
 
 @kernel
 def longitudinal(sin_o, sin_i, v):
-    """Return M / (2 pi), a density [1/sr] around the fibre [DEon2011b, section 3.2].
+    """Return M / (2 pi), a density [1/sr] around the fibre [DEon2011b].
 
-    For smooth fibres the large terms of the exponent cancel; their order is Mitsuba's.
+    In the exponent large terms cancel if a fibre is smooth. Their order is Mitsuba's. M is
+    off by 1e-5 at a longitudinal roughness of 0.1, and by 1e-3 at 0.01.
     """
     kappa = 1.0 / v
     k2 = kappa * kappa
@@ -134,7 +135,7 @@ class Lobe(NamedTuple):
 
 @kernel
 def _attenuations(hair, sin_o, cos_o, offset, sin_gamma_t):
-    """Return A of the four lobes, RGB [Chiang2016, section 3.2]."""
+    """Return A of the four lobes, RGB [Chiang2016]."""
     none = splat_f32(0.0)
     cos_gamma = sqrt(maximum(1.0 - offset * offset, none))
     cos_gamma_t = sqrt(maximum(1.0 - sin_gamma_t * sin_gamma_t, none))
