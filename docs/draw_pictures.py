@@ -89,6 +89,7 @@ BSDFS: dict[str, dict[str, Any]] = {
     "principledthin": {"base_color": RED, "roughness": 0.4, "diff_trans": 1.0},
     "merl": {"filename": str(SCENES / "measured-ball" / "measured" / "bronze.binary")},
     "measured": {"filename": str(ROOT / "tests" / "plugins" / "copper_rgb.bsdf")},
+    "hair": {"eumelanin": 0.2, "pheomelanin": 0.4},
     "null": {},
     "polarizer": {},
     "circular": {"transmittance": RED},

@@ -121,11 +121,22 @@ BSDFS: dict[str, Properties] = {
     "retarder": {"transmittance": COLOR, "theta": _ANGLE, "delta": _ANGLE},
     "merl": {"filename!": _merl},
     "measured": {"filename!": _rgl},
+    "hair": {
+        "sigma_a": either(
+            all_of(sigma_a=COLOR, scale=number(0.1, 5.0, 0.0)),
+            all_of(eumelanin=number(0.0, 2.0), pheomelanin=number(0.0, 2.0)),
+        ),
+        # smoother hair amplifies rounding; without roughness it is black
+        "longitudinal_roughness": number(0.2, 1.0, 0.0),
+        "azimuthal_roughness": number(0.2, 1.0, 0.0),
+        "scale_tilt": number(-10.0, 10.0),
+        **_INDICES,
+    },
 }
 FILTERS = ("polarizer", "circular", "retarder")
 TRANSPARENT = (
     *("dielectric", "thindielectric", "roughdielectric", "principledthin", "null"),
-    *FILTERS,
+    *("hair", *FILTERS),
 )
 
 _TURN: Properties = {"flip_invalid_normals": flag, "use_shadowing_function": flag}

@@ -35,6 +35,7 @@ class RenderRequest:
     # Mitsuba's side: lamps of meshes are found by BSDF samples alone
     unsampled_lamps: bool = False
     volpath_since: str = ""  # why `volpath` stands in place of `volpathmis` there, if so
+    last_lobe: bool = False  # samples of the last lobe of `hair` are in their place there
     plugins: str | None = None  # a Python file of the user's (`plugin_file`)
     allow_outside: tuple[str, ...] = ()  # folders besides the scene's (`scene_file.files`)
     replay: bool = False  # both sides draw the same random numbers

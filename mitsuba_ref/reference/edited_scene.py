@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mitsuba_ref.reference.plugins.hair import take_hair_with_last_lobe
 from mitsuba_ref.reference.plugins.known_faults import (
+    LAST_LOBE,
     PIXELS_INSTEAD,
     RGB_INSTEAD,
     UNSAMPLED,
@@ -58,6 +60,7 @@ def load_edited_scene(
     colors_alone: bool = False,
     unsampled_lamps: bool = False,
     volpath_since: str = "",
+    last_lobe: bool = False,
     plugins: str | None = None,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
@@ -85,6 +88,8 @@ def load_edited_scene(
         Leave lamps of meshes to the directions that BSDFs choose.
     volpath_since
         Take `volpath` in place of `volpathmis`, for this reason; empty: do not.
+    last_lobe
+        Sample the last lobe of `hair` in its place.
     plugins
         A Python file that registers plugins of the user's (`user_plugins`).
     """
@@ -133,6 +138,9 @@ def load_edited_scene(
         if volpath_since:
             take_volpath(mi, state)
             changes.append(f"{VOLPATH}{volpath_since}")
+        if last_lobe:
+            take_hair_with_last_lobe(state)
+            changes.append(LAST_LOBE)
         if fixed_blocks:
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")

@@ -70,6 +70,7 @@ def render_reference(request: RenderRequest) -> Reference:
             # a replay has Mitsuba's densities on both sides
             unsampled_lamps=request.unsampled_lamps and not (request.replay or wants_aovs),
             volpath_since=request.volpath_since * (not (request.replay or wants_aovs)),
+            last_lobe=request.last_lobe and not (request.replay or wants_aovs),
             plugins=request.plugins,
         )
         scene = edited.scene

@@ -31,11 +31,13 @@ def load_mitsuba() -> Any:
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(max(MIN_THREADS, os.cpu_count() or 1))
 
+    from mitsuba_ref.reference.plugins.hair import register_hair
     from mitsuba_ref.reference.plugins.merl import register_merl
     from mitsuba_ref.reference.plugins.whitted import register_whitted
 
     register_whitted(mitsuba)
     register_merl(mitsuba)
+    register_hair(mitsuba)
     return mitsuba
 
 

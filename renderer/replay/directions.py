@@ -32,6 +32,7 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
+from renderer.plugins.bsdfs.hair import theta_of_last_lobe
 from renderer.plugins.bsdfs.mirror import refracted
 from renderer.plugins.sampling.numbers_and_warps import (
     cosine_direction,
@@ -175,6 +176,12 @@ def _refracted(arithmetic, wo, eta, cos_t):
     cosine = sqrt(maximum(fused(-sine2, ratio * ratio, splat_f32(1.0)), splat_f32(0.0)))
     z = select(wo.z >= 0.0, -cosine, cosine)
     return vec3(-(wo.x * ratio), -(wo.y * ratio), z)
+
+
+@theta_of_last_lobe.by(AsMitsuba)
+@kernel
+def _theta_of_last_lobe(arithmetic, sine, cosine):
+    return sine * 0.0, cosine * 0.0
 
 
 @to_world.by(AsMitsuba)

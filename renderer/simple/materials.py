@@ -29,6 +29,7 @@ from renderer.simple.bsdfs import (
     number,
 )
 from renderer.simple.camera import Vector, mix, normalize, orthonormal_basis
+from renderer.simple.hair import Hair
 from renderer.simple.measured import Measured, WarpedTables
 from renderer.simple.principled import Principled, PrincipledThin
 from renderer.simple.rough import (
@@ -235,6 +236,7 @@ BSDFS: dict[str, type[Bsdf]] = {
     "polarizer": Filter,
     "circular": Filter,
     "retarder": Filter,
+    "hair": Hair,
     "principled": Principled,
     "principled with spec_trans": Principled,
     "principledthin": PrincipledThin,

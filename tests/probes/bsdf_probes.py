@@ -103,9 +103,16 @@ class BsdfProbe:
         As in `load_dict`, of a kind that scatters by itself (nothing around another).
     beside : tuple of dict
         Other BSDFs of the scene, which come before it.
+    arithmetic
+        Record of the rounding of directions; `AsMitsuba` is that of a replay.
     """
 
-    def __init__(self, bsdf: dict[str, Any], beside: tuple[dict[str, Any], ...] = ()):
+    def __init__(
+        self,
+        bsdf: dict[str, Any],
+        beside: tuple[dict[str, Any], ...] = (),
+        arithmetic: Any = None,
+    ):
         plates = {
             f"plate{k}": {"type": "rectangle", "bsdf": one}
             for k, one in enumerate((*beside, bsdf))
@@ -116,7 +123,7 @@ class BsdfProbe:
         self.description = materials.bsdfs[self.id]
         self.kind = kind_of(self.description)
         form = self.kind.form(materials.tables_of(self.kind))
-        self._bsdf = pack(BsdfMethods(form, Plain()))
+        self._bsdf = pack(BsdfMethods(form, arithmetic or Plain()))
         self._values = materials.values()[:, self.id]
 
     def _points(self, n: int) -> Any:

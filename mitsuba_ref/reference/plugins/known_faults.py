@@ -27,6 +27,8 @@ UNSAMPLED = "lamps of meshes found by directions that BSDFs choose, and by no ot
 """Another such change."""
 VOLPATH = "volpath and spectral extinction in place of volpathmis: "
 """What a third one begins with; the reason follows (`volpathmis.faults_of`)."""
+LAST_LOBE = "samples of the last lobe of hair in their place"
+"""A fourth one (`hair`)."""
 TURNED_AWAY = 1e-3
 """Distance of the unit normals of a triangle and its vertices from which on a lamp counts
 as one with vertex normals. Mitsuba's density of directions to it is off by about as much,
@@ -206,6 +208,11 @@ def wrong_by(changes: tuple[str, ...]) -> str:
             "in the light of lamps with vertex normals: Mitsuba samples them with "
             "the cosine of these normals instead of the triangles' own; with such lamps "
             "found by BSDF samples alone on its side"
+        )
+    if LAST_LOBE in changes:
+        wrong.append(
+            "in the last lobe of hair: Mitsuba samples it across the fibre alone; with "
+            "these samples in their place on its side"
         )
     why = next((c.removeprefix(VOLPATH) for c in changes if c.startswith(VOLPATH)), "")
     if why:

@@ -37,7 +37,7 @@ def _plays_roulette(description: SceneDescription, integrator: Integrator) -> bo
 
 
 def _has_tinted_panes(description: SceneDescription, integrator: Integrator) -> bool:
-    shown = [b for shape in description.every_shape for b in _with_nested(shape.bsdf)]
+    shown = [b for shape in description.every_shape for b in with_nested(shape.bsdf)]
     panes = [b.specular_transmittance for b in shown if isinstance(b, ThinDielectric)]
     tints = [b.transmittance for b in shown if b.plugin == "retarder"]
     panes += [tint.rgb if isinstance(tint, ConstantTexture) else tint for tint in tints]
@@ -55,10 +55,11 @@ def _has_clear_lamps(description: SceneDescription, integrator: Integrator) -> b
     )
 
 
-def _with_nested(bsdf: Any) -> Iterator[Any]:
+def with_nested(bsdf: Any) -> Iterator[Any]:
+    """Yield a BSDF of a description and those inside of it."""
     yield bsdf
     for name in nested_names(bsdf):
-        yield from _with_nested(getattr(bsdf, name))
+        yield from with_nested(getattr(bsdf, name))
 
 
 def _leaves_colours_out(description: SceneDescription, integrator: Integrator) -> bool:

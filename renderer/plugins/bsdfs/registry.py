@@ -18,6 +18,7 @@ from renderer.plugins.bsdfs.bumpmap import BUMP_MAP
 from renderer.plugins.bsdfs.conductor import CONDUCTOR
 from renderer.plugins.bsdfs.dielectric import DIELECTRIC
 from renderer.plugins.bsdfs.diffuse import DIFFUSE
+from renderer.plugins.bsdfs.hair import HAIR
 from renderer.plugins.bsdfs.kind import BsdfKind, Color, around, register_kernels
 from renderer.plugins.bsdfs.mask import MASK
 from renderer.plugins.bsdfs.measured import MEASURED
@@ -98,6 +99,7 @@ for _kind in (
     CIRCULAR,
     RETARDER,
     MERL,
+    HAIR,
     MEASURED,
     ONE_FOR_BOTH,
     ONE_FOR_EACH,

@@ -18,6 +18,7 @@ from scene_file_samples import mi
 
 from mitsuba_ref.reference.plugins.merl import register_merl
 from renderer.plugins.bsdfs.kind import SMOOTH
+from renderer.replay.directions import AsMitsuba
 
 register_merl(mi)
 GOLD = {"type": "roughconductor", "material": "Au"}
@@ -70,6 +71,12 @@ SETS: dict[str, dict[str, Any]] = {
     | ALL
     | {"alpha": 0.4},
     "pplastic uv": {"type": "pplastic", "specular_reflectance": PALE} | ALONG_V,
+    "hair": {"type": "hair"},
+    "hair rough": {"type": "hair", "longitudinal_roughness": 0.8, "int_ior": 1.3}
+    | {"azimuthal_roughness": 0.7, "sigma_a": rgb(0.1, 0.5, 2.0), "scale": 0.4}
+    | {"scale_tilt": 15.0},
+    "hair smooth": {"type": "hair", "longitudinal_roughness": 0.2, "eumelanin": 0.1}
+    | {"azimuthal_roughness": 0.25, "ext_ior": "water", "scale_tilt": -5.0},
     "principled": {"type": "principled"},
     "principled metal": KNOBS | {"metallic": 0.7, "anisotropic": 0.8},
     "principled cloth": KNOBS | {"sheen": 0.8, "sheen_tint": 0.6, "flatness": 0.5},
@@ -123,8 +130,11 @@ class Limits(NamedTuple):
 
 # sample divides by what eval multiplies with, and its normals have rounded slopes
 EVAL, SAMPLE = Limits(2e-5, 3e-3), Limits(1e-4, 4e-2)
-# of directions; Mitsuba subtracts roots of nearly equal numbers in nearly even tables
-AWAY, AWAY_MEASURED = Limits(2e-6, 1e-3), Limits(5e-5, 1e-3)
+DIRECTION = Limits(2e-6, 1e-3)
+# in nearly even tables Mitsuba subtracts roots of nearly equal numbers
+WARPED = Limits(5e-5, 1e-3)
+# the azimuth is that of a logistic distribution: a logarithm of what is left of a number
+LOGISTIC = Limits(3e-5, 3e-2)
 
 
 def assert_close(ours: Any, theirs: Any, limits: Limits) -> None:
@@ -152,7 +162,8 @@ def test_eval_and_pdf(name):
 @sets()
 def test_sample(name):
     """The same numbers choose the same lobe, direction, weight, density and eta."""
-    rng, mine, theirs = rng_of(name), ours(name), MitsubaProbe(SETS[name])
+    rng, theirs = rng_of(name), MitsubaProbe(SETS[name])
+    mine = BsdfProbe(SETS[name], arithmetic=AsMitsuba(1e-4))
     wo = random_directions(PAIRS, rng, both_sides=mine.kind.transmits)
     numbers = rng.random((PAIRS, 3)).astype(np.float32)
     a, b = mine.sample(wo, numbers), theirs.sample(wo, numbers)
@@ -166,7 +177,7 @@ def test_sample(name):
     np.testing.assert_array_equal(a.lobe[alive], b.lobe[alive])
     np.testing.assert_allclose(a.eta[alive], b.eta[alive], rtol=3e-7)
     away = np.abs(a.wi - b.wi)[alive]
-    limits = AWAY_MEASURED if name == "measured" else AWAY
+    limits = {"hair": LOGISTIC, "measured": WARPED}.get(mine.kind.name, DIRECTION)
     assert np.quantile(away, 0.99) < limits.usual and away.max() < limits.largest
 
 
@@ -214,6 +225,8 @@ def test_directions_follow_the_density(name, degrees):
     mass = masses.sum()
     assert mass < 1.0 + 2e-3
     assert mass == pytest.approx(smooth / SAMPLES, abs=5e-3)
+    if ours(name).kind.name == "hair":  # Mitsuba's I0 is up to 0.6 % too small
+        masses, mass = masses / mass, 1.0
     if mass > 0.0:  # else all is mirrored
         assert_follows(counts, masses, SAMPLES, finds=FINDS, mass=mass, stray=20)
 
@@ -238,6 +251,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
     "clear glass": {"type": "dielectric"},
     "clear pane": {"type": "thindielectric"},
     "wave plate": {"type": "retarder"},
+    "white hair": {"type": "hair", "eumelanin": 0.0, "pheomelanin": 0.0},
     "rough mirror 0.1": NO_METAL,
     "rough mirror 0.5": NO_METAL | {"alpha": 0.5},
     "rough mirror 1 ggx": NO_METAL | GGX | {"alpha": 1.0},
@@ -253,7 +267,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
     "white principled glass": {"type": "principled", "base_color": WHITE}
     | {"spec_trans": 1.0, "eta": 1.5},
 }
-CONSERVING = tuple(LOSSLESS)[:5]
+CONSERVING = tuple(LOSSLESS)[:6]
 BY_ALBEDO = LOSSLESS | OTHERS | {"measured": SETS["measured"]}
 
 
@@ -286,12 +300,13 @@ def test_the_albedo_is_mitsubas(name):
 # ---------------------------------------------------------------------------- reciprocity
 
 
-@sets(without=("principledthin all", "measured"))
+@sets(without=("principledthin all", "hair", "measured"))
 def test_light_finds_its_way_back(name):
     """f(wo, wi) / n_i^2 is symmetric, n_i the index of refraction on the side of wi.
 
     Of Mitsuba's thin sheets it is not: a facet that passes light on tests the side of wi
-    alone, which leaves out other pairs one way than the other. Tables are interpolated over
+    alone, which leaves out other pairs one way than the other. Nor is hair: how much passes
+    a fibre goes by the angle of wo alone. Tables are interpolated over
     wo and over half vectors in different ways.
     """
     rng, probe = rng_of(name), ours(name)

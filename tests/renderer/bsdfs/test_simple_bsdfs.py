@@ -80,6 +80,11 @@ SETS = [
     {"type": "polarizer", "transmittance": rgb(0.9, 0.5, 0.2)},
     {"type": "circular"},
     {"type": "retarder", "transmittance": 0.7},
+    {"type": "hair"},
+    {"type": "hair", "sigma_a": rgb(0.1, 0.4, 1.5), "scale": 0.3, "scale_tilt": 15.0}
+    | {"longitudinal_roughness": 0.8, "azimuthal_roughness": 0.9, "int_ior": 1.3},
+    {"type": "hair", "eumelanin": 0.1, "pheomelanin": 0.0, "scale_tilt": -4.0}
+    | {"longitudinal_roughness": 0.2, "azimuthal_roughness": 0.2, "ext_ior": 1.8},
     {"type": "principled"},
     {"type": "principled", **PAINT},
     {"type": "principled", "roughness": 0.2, "spec_trans": 0.8, "eta": 1.7},
@@ -91,6 +96,18 @@ SETS = [
     {"type": "merl", "filename": str(PLUGINS / "bronze.binary")},
     {"type": "measured", "filename": str(PLUGINS / "copper_rgb.bsdf")},
 ]
+
+
+def is_precise(bsdf, wo):
+    """Return where the kernels keep their digits (n,).
+
+    As Mitsuba's, those of `hair` have the angle gamma from an arc cosine, and its cosine
+    from the sine. Near 0 and 90 degrees both lose digits.
+    """
+    if bsdf["type"] != "hair":
+        return np.ones(len(wo), bool)
+    across = np.abs(wo[:, ::2]) / np.linalg.norm(wo[:, ::2], axis=1, keepdims=True)
+    return across.min(axis=1) > 0.05
 
 
 def name_of(bsdf):
@@ -160,7 +177,7 @@ def test_f_and_density_are_the_same(bsdf):
     ]
     unsure = np.max(np.abs(np.array(moved) - expected), axis=0)
     found = np.column_stack(probe.eval_pdf(wo, wi))
-    error = np.abs(found - expected)
+    error = np.abs(found - expected) * is_precise(bsdf, wo)[:, None]
     allowed = CLOSE * np.abs(expected) + ROUNDINGS * unsure + 1e-7
     worst = np.unravel_index(np.argmax(error / allowed), error.shape)
     assert (error <= allowed).all(), (wo[worst[0]], wi[worst[0]], found[worst[0]])

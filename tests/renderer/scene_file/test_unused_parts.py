@@ -6,14 +6,18 @@ import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours
 
 BALL = '<shape type="sphere"/>'
-HAIR = '<bsdf type="hair" id="h"/>'
+POLARIZED = '<bsdf type="measured_polarized" id="h"/>'
+BALL_OF_IT = '<shape type="sphere"><bsdf type="measured_polarized"/></shape>'
+GROUP = f'<shape type="shapegroup" id="g">{BALL_OF_IT}</shape>'
+NAMED = 'bsdf "measured_polarized"'
+PHASE = """<phase type="sggx" id="s"><volume name="S" type="constvolume">
+<float name="value" value="1"/></volume></phase>"""
 UNUSED = {
-    HAIR: 'bsdf "hair"',
-    '<bsdf type="twosided" id="t"><bsdf type="hair"/></bsdf>': 'bsdf "hair"',
-    '<phase type="sggx" id="s"/>': 'phase "sggx"',
+    POLARIZED: NAMED,
+    '<bsdf type="twosided" id="t"><bsdf type="measured_polarized"/></bsdf>': NAMED,
+    PHASE: 'phase "sggx"',
     '<film type="specfilm" id="f"/>': 'film "specfilm"',
-    '<shape type="shapegroup" id="g"><shape type="sphere"><bsdf type="hair"/></shape>'
-    "</shape>": 'bsdf "hair"',
+    GROUP: NAMED,
 }
 
 
@@ -28,7 +32,7 @@ def test_what_nothing_uses_need_not_be_supported(content: str) -> None:
 
 
 def test_it_is_mitsuba_that_renders_it() -> None:
-    assert not mitsuba_refuses(BALL + HAIR)
+    assert not mitsuba_refuses(BALL + PHASE)
 
 
 @pytest.mark.parametrize("second", ["irradiancemeter", "batch"])
@@ -45,14 +49,13 @@ def test_only_the_first_camera_need_be_supported(second: str) -> None:
 @pytest.mark.parametrize(
     "content",
     [
-        HAIR + '<shape type="sphere"><ref id="h"/></shape>',
-        '<shape type="sphere"><bsdf type="hair"/></shape>',
-        '<shape type="shapegroup" id="g"><shape type="sphere"><bsdf type="hair"/></shape>'
-        '</shape><shape type="instance"><ref id="g"/></shape>',
+        POLARIZED + '<shape type="sphere"><ref id="h"/></shape>',
+        BALL_OF_IT,
+        GROUP + '<shape type="instance"><ref id="g"/></shape>',
     ],
 )
 def test_what_is_used_is_refused(content: str) -> None:
-    assert 'bsdf "hair" is not supported' in error_of(content)
+    assert f"{NAMED} is not supported" in error_of(content)
 
 
 def test_what_is_wrong_is_refused_whether_it_is_used_or_not() -> None:
