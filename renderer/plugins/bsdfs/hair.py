@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.functions import fabs, maximum, minimum, select, splat_f32
+from renderer.kernels.lanes.functions import fabs, maximum, minimum, select
 from renderer.kernels.lanes.mathematics import arctan2, exp, log, sincos
 from renderer.kernels.lanes.vectors import normalize, vec3
 from renderer.plugins.bsdfs.dielectric import read_relative_index
@@ -23,8 +23,7 @@ from renderer.plugins.bsdfs.hair_lobes import (
     other_leg,
     sample_azimuth,
 )
-from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float
-from renderer.plugins.bsdfs.microfacets import PI
+from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float, albedo_at_normal_incidence
 from renderer.plugins.bsdfs.roughplastic import coated_sample
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI, AlongU, Plain
 from renderer.scene_file.colors.colors import Use
@@ -176,14 +175,6 @@ def sample(hair, wo, numbers):
     return coated_sample(wi, f_cos, pdf)
 
 
-@kernel
-def albedo(hair, wo):
-    """Return pi f |cos| at normal incidence, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(hair, wo, vec3(none, none, none + 1.0))
-    return PI * f_cos
-
-
 HAIR = BsdfKind(
     "hair",
     Hair,
@@ -191,7 +182,7 @@ HAIR = BsdfKind(
     "hair or fur: light that passes a fibre",
     sample,
     eval_pdf,
-    albedo=albedo,
+    albedo=albedo_at_normal_incidence,
     transmits=True,
     oriented=True,
 )

@@ -29,6 +29,8 @@ from renderer.plugins.bsdfs.parameters import Color as Color
 from renderer.plugins.bsdfs.parameters import Float as Float
 from renderer.plugins.sampling.numbers_and_warps import cosine_direction as cosine_direction
 
+_PI = np.float32(np.pi)
+
 # kind of lobe that a direction was sampled from
 SMOOTH = np.int32(0)  # diffuse and glossy
 DELTA = np.int32(1)  # specular reflection or refraction: light samples never match it
@@ -316,6 +318,14 @@ def black():
     """Return black."""
     none = splat_f32(0.0)
     return vec3(none, none, none)
+
+
+@kernel
+def albedo_at_normal_incidence(parameters, wo):
+    """Return pi f |cos| of light along the normal, Mitsuba's default for the albedo."""
+    none = splat_f32(0.0)
+    f_cos, _ = eval_pdf_bsdf(parameters, wo, vec3(none, none, none + 1.0))
+    return _PI * f_cos
 
 
 @kernel

@@ -23,7 +23,12 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.mathematics import arctan2, sincos
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
-from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Float
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Float,
+    albedo_at_normal_incidence,
+)
 from renderer.plugins.bsdfs.measured_file import read_measured
 from renderer.plugins.bsdfs.mirror import reflect
 from renderer.plugins.bsdfs.parameters import Table
@@ -209,14 +214,6 @@ def sample(material, wo, numbers):
     return BsdfSample(wi, weight, pdf, splat_f32(1.0))
 
 
-@kernel
-def albedo(material, wo):
-    """Return pi f cos of light along the normal, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(material, wo, vec3(none, none, none + 1.0))
-    return _PI * f_cos
-
-
 def _not_all(description: Any) -> bool:
     """Say that samples may miss light: where the luminance is 0 a colour may be stored."""
     return False
@@ -229,7 +226,7 @@ MEASURED = BsdfKind(
     "measured (RGL)",
     sample,
     eval_pdf,
-    albedo=albedo,
+    albedo=albedo_at_normal_incidence,
     oriented=True,
     reaches_all=_not_all,
 )

@@ -22,7 +22,12 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
-from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Float
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Float,
+    albedo_at_normal_incidence,
+)
 from renderer.plugins.bsdfs.merl_file import read_merl
 from renderer.plugins.bsdfs.mirror import reflect
 from renderer.plugins.bsdfs.parameters import Table, entry_of
@@ -206,12 +211,12 @@ def sample(table, wo, numbers):
     return BsdfSample(wi, f_cos / select(some, pdf, 1.0), pdf, splat_f32(1.0))
 
 
-@kernel
-def albedo(table, wo):
-    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(table, wo, vec3(none, none, none + 1.0))
-    return _PI * f_cos
-
-
-MERL = BsdfKind("merl", Merl, read, "measured (MERL)", sample, eval_pdf, albedo=albedo)
+MERL = BsdfKind(
+    "merl",
+    Merl,
+    read,
+    "measured (MERL)",
+    sample,
+    eval_pdf,
+    albedo=albedo_at_normal_incidence,
+)

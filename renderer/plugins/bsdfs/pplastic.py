@@ -9,12 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import splat_f32
-from renderer.kernels.lanes.vectors import vec3
 from renderer.plugins.bsdfs.dielectric import LARGEST_INDEX, read_relative_index
 from renderer.plugins.bsdfs.fresnel import fresnel_dielectric
-from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float
-from renderer.plugins.bsdfs.microfacets import PI
+from renderer.plugins.bsdfs.kind import BsdfKind, Color, Float, albedo_at_normal_incidence
 from renderer.plugins.bsdfs.plastic import read_reflectances
 from renderer.plugins.bsdfs.roughness import read_roughness
 from renderer.plugins.bsdfs.roughplastic import coated_sample, eval_coated, sample_coated
@@ -71,14 +68,6 @@ def sample(plastic, wo, numbers):
     return coated_sample(wi, f_cos, pdf)
 
 
-@kernel
-def albedo(plastic, wo):
-    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(plastic, wo, vec3(none, none, none + 1.0))
-    return PI * f_cos
-
-
 PPLASTIC = BsdfKind(
     "pplastic",
     PPlastic,
@@ -86,6 +75,6 @@ PPLASTIC = BsdfKind(
     "a diffuse base under a rough coat, polarization left out",
     sample,
     eval_pdf,
-    albedo=albedo,
+    albedo=albedo_at_normal_incidence,
     oriented=True,
 )

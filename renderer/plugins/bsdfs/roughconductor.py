@@ -8,9 +8,14 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.plugins.bsdfs.conductor import read_complex_index, reflectance
-from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+    albedo_at_normal_incidence,
+)
 from renderer.plugins.bsdfs.microfacets import (
-    PI,
     microfacets,
     normal_density,
     normal_pdf,
@@ -78,14 +83,6 @@ def sample(metal, wo, numbers):
     return BsdfSample(wi, color, pdf / (4.0 * dot(wi, m)), splat_f32(1.0))
 
 
-@kernel
-def albedo(metal, wo):
-    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(metal, wo, vec3(none, none, none + 1.0))
-    return PI * f_cos
-
-
 ROUGHCONDUCTOR = BsdfKind(
     "roughconductor",
     RoughConductor,
@@ -93,6 +90,6 @@ ROUGHCONDUCTOR = BsdfKind(
     "rough metal",
     sample,
     eval_pdf,
-    albedo=albedo,
+    albedo=albedo_at_normal_incidence,
     oriented=True,
 )

@@ -9,9 +9,14 @@ from renderer.kernels.lanes.functions import fabs, select, splat_f32, sqrt
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.plugins.bsdfs.dielectric import read_relative_index
 from renderer.plugins.bsdfs.fresnel import fresnel_dielectric
-from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+    albedo_at_normal_incidence,
+)
 from renderer.plugins.bsdfs.microfacets import (
-    PI,
     Microfacets,
     microfacets,
     normal_density,
@@ -139,14 +144,6 @@ def sample(glass, wo, numbers):
     )
 
 
-@kernel
-def albedo(glass, wo):
-    """Return pi f at normal incidence, Mitsuba's default for BSDFs."""
-    none = splat_f32(0.0)
-    f_cos, _ = eval_pdf(glass, wo, vec3(none, none, none + 1.0))
-    return PI * f_cos
-
-
 ROUGHDIELECTRIC = BsdfKind(
     "roughdielectric",
     RoughDielectric,
@@ -154,7 +151,7 @@ ROUGHDIELECTRIC = BsdfKind(
     "rough glass",
     sample,
     eval_pdf,
-    albedo=albedo,
+    albedo=albedo_at_normal_incidence,
     transmits=True,
     oriented=True,
 )
