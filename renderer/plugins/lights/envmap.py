@@ -161,10 +161,10 @@ def table(
 ) -> EnvironmentMaps:
     """Return the environment as the kernels see it."""
     (sky,) = lights.values()
-    around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
+    texels = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
     to_world = sky.to_world[:3, :3]
     return EnvironmentMaps(
-        by_columns(np.pad(around.reshape(-1, 3), [(0, 0), (0, 1)]).T),
+        by_columns(np.pad(texels.reshape(-1, 3), [(0, 0), (0, 1)]).T),
         sky.pixels.shape[1],
         sky.pixels.shape[0],
         sky.scale,
