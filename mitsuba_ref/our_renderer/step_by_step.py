@@ -209,7 +209,7 @@ class StepByStep:
         return Bounce(
             shape=shape,
             face=face,
-            t=math.inf if position is None else math.dist(start, position),
+            t=math.inf if position is None else self._length(start, position),
             position=position,
             throughput=throughput,
             emitted=emitted,
@@ -219,6 +219,10 @@ class StepByStep:
             weights=weights,
             **shaded,
         )
+
+    def _length(self, start: Vector, position: Vector) -> float:
+        """Return the length of a segment that ends at a point."""
+        return float(self._work.points.t[0])
 
     def _fly(self, tile: Tile, sample: int, led: Bounce | None) -> tuple[int, int]:
         """Return how many rays end at a surface or in the sky, and how many collide."""

@@ -6,6 +6,7 @@ surface, or at a collision.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -113,6 +114,10 @@ class StepsInMedia(StepByStep):
             carried[row] = weights.get(name, carried[row])
         if LIT in weights:
             carried[1] *= scattered.pdf
+
+    def _length(self, start: Vector, position: Vector) -> float:
+        """Return the length of a segment, of all flights in it."""
+        return math.dist(start, position)
 
     def _fly(self, tile: Tile, sample: int, led: Bounce | None) -> tuple[int, int]:
         self._drawn.forget(tile)

@@ -45,7 +45,7 @@ class Decision:
     max_depth: int = 1
     roulette_depth: int | None = None  # None: no Russian roulette
     no_roulette: str = ""  # the reason, if there is no Russian roulette
-    dim_depth: int | None = None  # for paths below `path.DIM`; None: as roulette_depth
+    dim_depth: int | None = None  # for dim paths (`path.DIM`); None: as roulette_depth
     survival_scale: float = 1.0  # survival probability = this factor times the throughput
     mirrors: bool = False  # follow delta lobes
     every_light: bool = False  # sample all lights at each point instead of one

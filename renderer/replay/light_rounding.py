@@ -37,7 +37,8 @@ from renderer.scene_file.description import BitmapTexture, SpotLight
 def sphere_around(bounds: NDArray[np.float64], ray_epsilon: float) -> SphereAround:
     """Return Mitsuba's sphere around a scene with the given corners (2, 3).
 
-    Light samples of lights at infinity end two radii away (`distance_beyond`).
+    Light samples of lights at infinity end two radii away (`distance_beyond`). Mitsuba's
+    boxes of curves and `sdfgrid` are larger than ours, its sphere by up to 2 %.
     """
     low, high = bounds.astype(np.float32)
     center = np.float32(0.5) * (low + high)

@@ -24,11 +24,12 @@ TURNED = "normals of bump maps turned from the surface's frame into the world"
 WRONG = "lights without extent divided by "
 """What a change begins with that undoes a fault; `wrong_by` makes a sentence of it."""
 UNSAMPLED = "lamps of meshes found by directions that BSDFs choose, and by no others"
-"""Another such change."""
+"""A change that leaves out light samples of meshes."""
 VOLPATH = "volpath and spectral extinction in place of volpathmis: "
-"""What a third one begins with; the reason follows (`volpathmis.faults_of`)."""
+"""What a change begins with that renders `volpathmis` by `volpath`; the reason follows
+(`volpathmis.faults_of`)."""
 LAST_LOBE = "samples of the last lobe of hair in their place"
-"""A fourth one (`hair`)."""
+"""A change that replaces the BSDF `hair`."""
 TURNED_AWAY = 1e-3
 """Distance of the unit normals of a triangle and its vertices from which on a lamp counts
 as one with vertex normals. Mitsuba's density of directions to it is off by about as much,

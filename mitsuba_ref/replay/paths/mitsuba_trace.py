@@ -110,6 +110,10 @@ class MitsubaTracer:
         while state.active:
             yield self._bounce(state, numbers)
 
+    def _length(self, start: Vector, at: Any) -> float:
+        """Return the length of a segment that ends at an interaction."""
+        return float(at.t)
+
     def _bounce(self, state: Any, numbers: NumbersDrawn) -> Bounce:
         start, before = vector(state.ray.o), state.result
         event, at = self._fly(state, numbers)
@@ -130,7 +134,7 @@ class MitsubaTracer:
         return Bounce(
             shape=self._shape_number(at) if hit else 0,
             face=int(at.prim_index) if hit and at.shape.is_mesh() else None,
-            t=math.inf if position is None else math.dist(start, position),
+            t=math.inf if position is None else self._length(start, at),
             position=position,
             throughput=arriving,
             emitted=emitted,

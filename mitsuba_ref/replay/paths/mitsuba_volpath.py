@@ -19,6 +19,7 @@ from mitsuba_ref.our_renderer.traced_path import (
     PHASE,
     SampledLight,
     Scattered,
+    Vector,
     light_number,
 )
 from mitsuba_ref.replay.paths.mitsuba_path import NumbersDrawn, vector
@@ -36,6 +37,10 @@ class VolpathTracer(MitsubaTracer):
         if self.method.densities:
             return PathOfBothWays(self._mi, ray, medium, number, self.method.densities)
         return PathInMedia(self._mi, ray, medium, number)
+
+    def _length(self, start: Vector, at: Any) -> float:
+        """Return the length of a segment, of all flights in it."""
+        return math.dist(start, vector(at.p))
 
     def _fly(self, state: PathInMedia, numbers: NumbersDrawn) -> tuple[str, Any]:
         event, at = self._flight(state, numbers)

@@ -165,7 +165,6 @@ def fly(scene, tile, sample, step, work, count, lamps):
                 medium,
                 origin,
                 direction,
-                # a medium continues behind the camera's far plane
                 select(missed, splat_f32(np.float32(np.inf)), load_row(hits.t, 0, i)),
                 load_row(numbers, 0, i),
                 load_row(numbers, 1, i),
@@ -174,6 +173,8 @@ def fly(scene, tile, sample, step, work, count, lamps):
             )
             throughput = select3(inside, throughput * flight.weight, throughput)
             alive = fabs(largest(throughput)) > 0.0
+            # nothing behind the camera's far plane is seen, as in Mitsuba
+            alive = alive & (~flight.collided | (flight.distance <= load_row(hits.t, 0, i)))
             collided = flight.collided & alive & (depth < np.int32(last))
             if lamps is not None:
                 t, lit = flight.distance, load_row(state.lit, 0, i)

@@ -19,7 +19,6 @@ from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
     mask_bits,
-    select,
     splat_f32,
 )
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
@@ -88,10 +87,8 @@ def _choose_segments(scene, work, count, lamps):
         medium = gather_row(state.medium, 0, slot, valid)
         depth = gather_row(state.depth, 0, slot, valid)
         inside = valid & (medium >= 0) & (depth < np.int32(last))
-        missed, t = load_row(hits.prim, 0, i) < 0, load_row(hits.t, 0, i)
         # the same end as in `fly`, or the two MIS weights would not sum to 1
-        end = select(missed, splat_f32(np.float32(np.inf)), t)
-        end = segment_end(media, medium, end, inside)
+        end = segment_end(media, medium, load_row(hits.t, 0, i), inside)
         inside = inside & (end > 0.0)
         if mask_bits(inside) == 0:
             continue

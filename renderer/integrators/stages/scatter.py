@@ -47,8 +47,8 @@ def survive(settings, depth, throughput, eta, number, alive):
     """Play Russian roulette; return the surviving lanes and the compensated throughput.
 
     The factor eta^2 in the survival probability cancels the loss of radiance on entering
-    glass, which is regained on leaving. Before `roulette_depth` only paths below `path.DIM`
-    may end.
+    glass, which is regained on leaving. Before `roulette_depth` only paths whose
+    throughput is below 1 / `survival_scale` may end.
     """
     if depth < settings.dim_depth:
         return alive, throughput

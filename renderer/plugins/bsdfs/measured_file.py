@@ -20,6 +20,7 @@ from renderer.plugins.bsdfs.tensor_file import TensorFile
 Array = NDArray[np.float32]
 
 # name -> type and number of axes
+_LARGEST = 1e9  # of a number in the file: products of several fit into a float32
 _FIELDS = {
     "description": ("u1", 1),
     "jacobian": ("u1", 1),
@@ -103,18 +104,19 @@ def read_measured(path: Path) -> MeasuredMaterial:
     except OSError as error:
         raise SceneError(f"{path.name}: {error.strerror or error}") from None
     for name in ("phi_i", "theta_i", *_IMAGES):
-        if not np.isfinite(fields[name]).all():
-            raise content.error(f"{name}: found an infinity or what is not a number")
+        # NaN is not below the limit either
+        if not (largest := np.abs(fields[name]).max()) <= _LARGEST:
+            raise content.error(f"{name}: found {largest:g}; expected at most {_LARGEST:g}")
     for name in ("phi_i", "theta_i"):
         steps = np.diff(fields[name].astype(np.float64))
         for k in np.flatnonzero(steps <= 0.0)[:1]:
             before, after = fields[name][k : k + 2]
             raise content.error(
-                f"{name}: found {after} after {before}; expected increasing angles"
+                f"{name}: found {after:g} after {before:g}; expected increasing angles"
             )
     for name in _IMAGES[:-1]:  # colours outside of the gamut are negative
         if (lowest := fields[name].min()) < 0.0:
-            raise content.error(f"{name}: found {lowest}; expected no negative numbers")
+            raise content.error(f"{name}: found {lowest:g}; expected no negative numbers")
     densities = {}
     for name in _DENSITIES:
         densities[name] = _normalized(fields[name])
@@ -162,8 +164,8 @@ def _check(file: TensorFile) -> None:
         least = 2 if name in _IMAGES else 1
         if min(shapes[name][-2:]) < least:
             raise file.error(
-                f"{name}: found the shape {shapes[name]}; expected {least} numbers or more "
-                "along each axis"
+                f"{name}: found the shape {shapes[name]}; expected at least {least} along "
+                "each axis"
             )
 
 

@@ -127,8 +127,8 @@ class SphereAround(NamedTuple):
 def distance_beyond(around, position):
     """Return lengths at which rays from 16 points have left the sphere in any direction.
 
-    As in Mitsuba, where a shadow ray starts off the surface and ends at this distance from
-    the surface: the length changes its direction by more than rounding.
+    In a replay the sphere is Mitsuba's: a shadow ray starts off the surface, and ends at
+    this distance from the surface. So its direction depends on the distance.
     """
     center = vec3(around.center[0], around.center[1], around.center[2])
     radius = splat_f32(np.float32(around.radius))

@@ -146,8 +146,9 @@ def fly_in_order(order, tile, sample, work, count):
         eta = load_row(rays.eta, 0, i)
         origin, direction = load3(rays.origin, i), load3(rays.direction, i)
         missed = load_row(hits.prim, 0, i) < 0
-        # a medium continues behind the camera's far plane
-        surface = select(missed, splat_f32(_INFINITE), load_row(hits.t, 0, i))
+        # a flight may go to the camera's far plane, and a ray without a hit beyond it
+        length, infinite = load_row(hits.t, 0, i), splat_f32(_INFINITE)
+        surface, end = select(missed, infinite, length), select(missed, length, infinite)
         reaches = collided = after_null = splat_mask(False)
         steps = 0
         while mask_bits(on) != 0 and steps < MOST_STEPS:
@@ -167,7 +168,6 @@ def fly_in_order(order, tile, sample, work, count):
                 break
 
             u = draw_depths(replay, tile, sample, rays.slot, i, inside, numbers)
-            end = splat_f32(_INFINITE)
             step = _collide(
                 order, medium, channel, origin, direction, end, surface, u, inside
             )

@@ -72,6 +72,7 @@ from renderer.replay.media.record import (
     draw_direction,
     draw_light,
     nothing_passes,
+    own_sphere_sample,
     pixel_of,
     pixels_of,
     sees_own_plane,
@@ -186,17 +187,31 @@ def _wanted(order, tile, samples, slot, i, valid):
 
 
 @kernel
-def _drop_own_planes(order, tile, work, points, count):
-    """Set the transmittance to 0 where a rectangle light would light itself."""
-    lights, numbers = work.light_samples.light, work.numbers
+def _round_own_samples(order, tile, work, points, count):
+    """Round the samples of lights at points on them: rounding decides on their draws.
+
+    The transmittance is 0 where Mitsuba's density is 0. The sample adds no light.
+    """
+    samples, numbers = work.light_samples, work.numbers
     for i in range(count):
-        light = lights[i]
-        own = order.scene.shapes.light[points.shape[i]]
-        if own != light:
+        light = samples.light[i]
+        if order.scene.shapes.light[points.shape[i]] != light:
             continue
-        place = column(points.position, i)
+        pixel, place = pixel_of(tile, points.slot[i]), column(points.position, i)
         if sees_own_plane(order, light, place, numbers[0, i], numbers[1, i]):
-            nothing_passes(order.replay, pixel_of(tile, points.slot[i]))
+            nothing_passes(order.replay, pixel)
+        own, back = own_sphere_sample(order, light, place, numbers[0, i])
+        if own:
+            distance = np.sqrt((back.x * back.x + back.z * back.z) + back.y * back.y)
+            if distance == np.float32(0.0):
+                nothing_passes(order.replay, pixel)
+                continue
+            samples.distance[i] = distance
+            samples.wi[0, i] = back.x / distance
+            samples.wi[1, i] = back.y / distance
+            samples.wi[2, i] = back.z / distance
+            for c in range(3):
+                samples.radiance[c, i] = np.float32(0.0)
 
 
 @kernel
@@ -234,7 +249,7 @@ def _trace_shadow_rays(order, tile, sample, work, points, count, at_surfaces):
     scene, replay, state = order.scene, order.replay, work.media
     samples, rays, hits = work.light_samples, state.rays, state.hits
     if at_surfaces:
-        _drop_own_planes(order, tile, work, points, count)
+        _round_own_samples(order, tile, work, points, count)
     before_light = np.float32(scene.settings.before_light)
     carry, kept = order.carry, np.int64(0)
     for i in range(0, count, 16):

@@ -183,9 +183,14 @@ def test_two_surfaces_in_one_point_may_be_hit_in_either_order():
     assert not finding(ours, alone=replace(there, face=8)).within_rounding
     # 4e-6 along a ray nearly parallel to the surface are 4e-7 across it
     slanted = with_bounce(1, shape=4, normal=(0.995, 0.0, 0.1))
-    farther = replace(there, position=(1.0, 2.0, 1.500004))
-    assert not finding(ours, alone=farther).within_rounding
+    farther = replace(
+        there, position=(1.0, 2.0, 1.500004), normal=slanted.bounces[1].normal
+    )
+    assert not finding(ours, alone=replace(farther, normal=None)).within_rounding
     assert finding(slanted, alone=farther).within_rounding
+    facing = replace(farther, normal=(0.0, 0.0, 1.0))
+    assert not finding(slanted, alone=facing).within_rounding
+    elsewhere = replace(elsewhere, normal=farther.normal)
     assert not finding(slanted, alone=elsewhere).within_rounding
 
 

@@ -220,6 +220,17 @@ def test_a_medium_without_an_end_is_black():
     np.testing.assert_array_equal(picture, 0.0)
 
 
+def test_nothing_behind_the_far_plane_is_seen():
+    """Of a fog that scatters all light, the first hundredth of a mean free path is."""
+    means = []
+    for far in (1e4, 0.011):
+        fog, lamp = homogeneous(1.0, 1.0), {"type": "point", "position": [0.0, 0.0, 1.0]}
+        sensor = {"near_clip": 0.001, "far_clip": far}
+        scene = described(fog, medium=fog, more={"lamp": lamp}, fov=5.0, **sensor)
+        means.append(renderer.render(scene, spp=256).pixels.mean())
+    assert 0.0 < means[1] < 0.05 * means[0]
+
+
 def test_a_grid_of_zeros_is_clear():
     medium = grid(np.zeros((2, 2, 2, 1)), CUBE, 5.0, albedo=0.0)
     np.testing.assert_array_equal(renderer.render(described(medium)).pixels, 1.0)
