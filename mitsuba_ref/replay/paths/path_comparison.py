@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from mitsuba_ref.our_renderer.traced_path import (
-    BLACK,
     ENDED,
     WHITE,
     Bounce,
@@ -282,8 +281,9 @@ def _scattered(number: int, a: Scattered | None, b: Scattered | None) -> Iterato
 
 
 def _weights(number: int, a: Weights, b: Weights, when: str = "") -> Iterator[Quantity]:
-    for name in (*a, *(name for name in b if name not in a)):  # black ones may be missing
-        yield _vectors(number, name + when, a.get(name, BLACK), b.get(name, BLACK))
+    for name in a:
+        if name in b:
+            yield _vectors(number, name + when, a[name], b[name])
 
 
 def _numbers(number: int, a: dict[str, float], b: dict[str, float]) -> Iterator[Quantity]:
