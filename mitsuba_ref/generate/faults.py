@@ -134,24 +134,6 @@ def leave_out_strands(root: Element) -> None:
                 parent.remove(shape)
 
 
-@known_fault(
-    "a shadow ray to a light at infinity is turned by the ray offset",
-    *("light blocked", "picture", *_IN_MEDIA),
-)
-def widen_the_scene(root: Element) -> None:
-    """Put a speck far away, so that shadow rays to lights at infinity are hardly turned.
-
-    They end two radii of the scene away, in a direction from where they would start without
-    the ray offset.
-    """
-    lit = plugins(root, "emitter", *ENVIRONMENTS, "directional")
-    if lit and root.find("shape[@id='speck']") is None:
-        speck = SubElement(root, "shape", type="disk", id="speck")
-        transform = transform_of(speck, "to_world")
-        SubElement(transform, "scale", value="0.001")
-        SubElement(transform, "translate", y="-1e6")
-
-
 @known_fault("a sphere that shines lights itself from inside", gives_nan=True)
 def coat_lamps(root: Element) -> None:
     """Leave out BSDFs and media of spheres that shine: nothing goes through them then.

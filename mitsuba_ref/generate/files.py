@@ -239,8 +239,9 @@ def merl_bytes(rng: Random) -> bytes:
 def rgl_bytes(rng: Random) -> bytes:
     """Return small tables in the format of the RGL database, of any symmetry.
 
-    Densities stay away from 0, where a sample's weight is large. There are never two
-    azimuths: Mitsuba then uses a number that it never sets.
+    Densities stay away from 0, where a sample's weight is large. Of isotropic files Mitsuba
+    mirrors directions by a number that it never sets, so these are symmetric and have one
+    azimuth.
     """
     sectors, jacobian = rng.choice((0, 1, 2, 4)), rng.random() < 0.5
     azimuths = np.zeros(1)
@@ -252,7 +253,7 @@ def rgl_bytes(rng: Random) -> bytes:
     def values(*shape: int) -> Floats:
         table = 0.3 + 0.7 * numbers_of(rng, *shape)
         table[..., -1, :] = table[..., 0, :]  # a full turn later
-        return table
+        return table if sectors else 0.5 * (table + table[..., ::-1, :])
 
     colors = (0.3 if jacobian else 0.1) * values(*angles, 3, size, size)
     images = {
