@@ -101,7 +101,7 @@ class BsdfProbe:
     ----------
     bsdf : dict
         As in `load_dict`, of a kind that scatters by itself (nothing around another).
-    beside : tuple of dict
+    earlier : tuple of dict
         Other BSDFs of the scene, which come before it.
     arithmetic
         Record of the rounding of directions; `AsMitsuba` is that of a replay.
@@ -110,16 +110,16 @@ class BsdfProbe:
     def __init__(
         self,
         bsdf: dict[str, Any],
-        beside: tuple[dict[str, Any], ...] = (),
+        earlier: tuple[dict[str, Any], ...] = (),
         arithmetic: Any = None,
     ):
         plates = {
             f"plate{k}": {"type": "rectangle", "bsdf": one}
-            for k, one in enumerate((*beside, bsdf))
+            for k, one in enumerate((*earlier, bsdf))
         }
         content = {"type": "scene", "camera": {"type": "perspective"}, **plates}
         materials: MaterialTables = renderer.load_dict(content).materials
-        self.id = len(beside)
+        self.id = len(earlier)
         self.description = materials.bsdfs[self.id]
         self.kind = kind_of(self.description)
         form = self.kind.form(materials.tables_of(self.kind))

@@ -1,7 +1,7 @@
 """Mitsuba in the place of our renderer: what a perfect renderer would hand over.
 
 The harness is tested with it, so that its tests do not depend on the renderer, and so
-that an error can be injected with a known size.
+that an error can be injected with a known size. `scaled` injects one into our renderer.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs, render_ours
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.render import render_reference
@@ -40,6 +40,18 @@ def stand_in(change: Change = lambda array: array, *, aovs_too: bool = False) ->
             threads=rendered.threads,
             integrator="stand-in",
         )
+
+    return render
+
+
+def scaled(factor: float, *, replay: bool = False) -> RenderOurs:
+    """Return our renderer with a factor on its pictures, in replays or in all others."""
+
+    def render(request: RenderRequest) -> OurPicture:
+        ours = render_ours(request)
+        if request.kind != "image" or request.replay != replay:
+            return ours
+        return replace(ours, arrays={"pixels": np.float32(factor) * ours.pixels})
 
     return render
 

@@ -19,8 +19,8 @@ from renderer.plugins.bsdfs.tensor_file import TensorFile
 
 Array = NDArray[np.float32]
 
-# name -> type and number of axes
 _LARGEST = 1e9  # of a number in the file: products of several fit into a float32
+# name -> type and number of axes
 _FIELDS = {
     "description": ("u1", 1),
     "jacobian": ("u1", 1),

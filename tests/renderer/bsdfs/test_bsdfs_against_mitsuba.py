@@ -334,6 +334,6 @@ def test_several_tables_in_one_scene():
     wo = random_directions(256, np.random.default_rng(1), both_sides=False)
     wi = random_directions(256, np.random.default_rng(2), both_sides=False)
     for name in names:
-        beside = BsdfProbe(SETS[name], beside=others)
+        beside = BsdfProbe(SETS[name], earlier=others)
         for a, b in zip(beside.eval_pdf(wo, wi), ours(name).eval_pdf(wo, wi), strict=True):
             np.testing.assert_array_equal(a, b)
